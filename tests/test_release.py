@@ -12,10 +12,17 @@ import pytest
 import tyro
 import yaml
 from ispom_app.features.page.options import App
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-FILES = [*sorted((ROOT / ".github").rglob("*.yml")), *(ROOT / n for n in (".pre-commit-config.yaml", "compose.yaml"))]
+FILES = [*sorted((ROOT / ".github").rglob("*.y*ml")), *(ROOT / n for n in (".pre-commit-config.yaml", "compose.yaml"))]
+
+RECIPE = ".github/conda-forge/recipe.yaml"
+CONDA = {"opencv-python-headless": "py-opencv", "open3d-cpu": "open3d", "rerun-notebook": "rerun-sdk"}
+"""Packages of conda-forge that have what these have on PyPI."""
+NOT_ON_CONDA = {"embreex"}
+"""Open3D does its work there."""
 
 
 def content(name: str) -> Any:
@@ -36,6 +43,32 @@ def test_the_version_is_in_one_place() -> None:
         p for p in (*(ROOT / "ispom").rglob("*.py"), *(ROOT / "app").rglob("*.py")) if f'"{own}"' in p.read_text()
     ]
     assert not others
+
+
+def test_the_recipe_for_conda_needs_what_the_package_needs() -> None:
+    project, recipe = PROJECT["project"], content(RECIPE)
+    assert recipe["context"]["version"] == project["version"]
+    assert recipe["context"]["python_min"] == project["requires-python"].removeprefix(">=")
+    expected = dict[str, set[str]]()
+    for each in map(Requirement, project["dependencies"]):
+        if each.name not in NOT_ON_CONDA:
+            expected.setdefault(CONDA.get(each.name, each.name), set()).add(str(each.specifier))
+    _, *listed = recipe["requirements"]["run"]  # Python is the first
+    found = {each.name: {str(each.specifier)} for each in map(Requirement, listed)}
+    assert found == expected
+    (build,) = PROJECT["build-system"]["requires"]
+    assert build in {each.replace(" ", "") for each in recipe["requirements"]["host"]}
+    scripts = {f"{name} = {where}" for name, where in project["scripts"].items()}
+    assert set(recipe["build"]["python"]["entry_points"]) == scripts
+    assert recipe["about"]["summary"] == project["description"]
+    assert recipe["about"]["license_file"] == project["license-files"]
+
+
+def test_a_release_writes_its_checksum_into_the_recipe() -> None:
+    steps = content(".github/workflows/release.yml")["jobs"]["build"]["steps"]
+    (script,) = (step["run"] for step in steps if RECIPE in step.get("run", ""))
+    pattern, text = re.search(r"s/(\^.*?)\.\*/", script), (ROOT / RECIPE).read_text()
+    assert pattern is not None and len(re.findall(pattern[1] + '"0{64}"$', text, re.MULTILINE)) == 1
 
 
 def test_the_paper_is_a_reference() -> None:

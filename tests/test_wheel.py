@@ -1,5 +1,6 @@
 """The wheel, made from the source distribution as a release makes it: complete, and at work from an empty folder on a
-machine that has Python and wheels alone. What it depends on is that of the tests."""
+machine that has Python and wheels alone. What it depends on is that of the tests, but for the last ones: they install
+all of it from a local index, by pip, uvx and pipx. It takes 10 GB of the disk for a while."""
 
 from __future__ import annotations
 
@@ -12,8 +13,10 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tempfile
 import tomllib
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -27,6 +30,8 @@ PACKAGES = {"ispom": "ispom", "app": "ispom_app"}
 LEFT_BEHIND = ("__pycache__", "tests")
 DEMO_BYTES = 12_000_000
 """Of the recorded frames with which the demo begins, at most."""
+MOST_INSTALLED_BYTES = 2_200_000_000
+"""Of the whole environment on Linux. The five packages that the project is built on take 1.6 GB with what they need."""
 MOST_BYTES = 4_000_000 + DEMO_BYTES
 """Of the wheel: other recordings, and figures, do not belong into it."""
 
@@ -119,9 +124,72 @@ def test_it_opens_the_page(words: list[str], installed: tuple[list[str], dict[st
     """`ispom` alone opens the start screen, in a browser: here that is none."""
     command, environment, empty = installed
     options = [*(words or ["app"]), "--port", "0", "--no-browser"]
-    script = "import os, sys; os.chdir(sys.argv[1]); os.execv(sys.argv[2], sys.argv[2:])"
-    start = [sys.executable, "-c", script, str(empty), *command, *options]
-    child = Child(["sh", "-c", 'exec "$@" 2>&1', "sh", *start], environment)
+    assert_it_serves_a_page([*command, *options], environment, empty)
+
+
+@pytest.fixture(scope="module")
+def index(dist: Path) -> Iterator[Path]:
+    """A folder of the wheel, of all that it needs, and of what pipx needs."""
+    (wheel,) = dist.glob("*.whl")
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "pip", "download", "--quiet", "--dest", folder, str(wheel), "pip"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            pytest.skip(f"what it needs cannot be had here: {done.stderr.strip().splitlines()[-1]}")
+        yield Path(folder)
+
+
+@pytest.fixture
+def fresh(index: Path) -> Iterator[tuple[dict[str, str], Path]]:
+    """The environment of somebody who has installed nothing and kept nothing, and an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        home, empty = Path(folder) / "home", Path(folder) / "empty"
+        empty.mkdir()
+        home.mkdir()
+        pip = {
+            "PIP_NO_INDEX": "1",
+            "PIP_FIND_LINKS": str(index),
+            "PIP_CONFIG_FILE": os.devnull,
+            "PIP_NO_CACHE_DIR": "1",
+        }
+        uv = {"UV_OFFLINE": "1", "UV_FIND_LINKS": str(index), "UV_PYTHON": sys.executable, "UV_NO_CONFIG": "1"}
+        uv |= {"UV_CACHE_DIR": str(home / "uv")}
+        pipx = {"PIPX_HOME": str(home / "pipx"), "PIPX_DEFAULT_PYTHON": sys.executable, "PIPX_DEFAULT_BACKEND": "pip"}
+        places = {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache"), "XDG_DATA_HOME": str(home / "data")}
+        yield {**os.environ, **places, **pip, **uv, **pipx}, empty
+
+
+DEMO = ["ispom", "demo", "--port", "0", "--no-browser"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_pip_installs_it_from_an_index(fresh: tuple[dict[str, str], Path]) -> None:
+    environment, empty = fresh
+    venv = empty.parent / "venv"
+    subprocess.run([sys.executable, "-m", "venv", str(venv)], env=environment, check=True)
+    install = [str(venv / "bin" / "pip"), "install", "--quiet", "ispom"]
+    subprocess.run(install, env=environment, cwd=empty, check=True)
+    assert_it_serves_a_page([str(venv / "bin" / "ispom"), *DEMO[1:]], environment, empty)
+    size = sum(path.lstat().st_size for path in venv.rglob("*"))
+    assert sys.platform != "linux" or size < MOST_INSTALLED_BYTES
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("runner", [["uvx"], ["pipx", "run"]], ids=["uvx", "pipx"])
+def test_one_command_starts_it(runner: list[str], fresh: tuple[dict[str, str], Path]) -> None:
+    """Its duration is that from an empty cache to the page, without what the network takes."""
+    if shutil.which(runner[0]) is None:
+        pytest.skip(f"{runner[0]} is not installed")
+    environment, empty = fresh
+    assert_it_serves_a_page([*runner, *DEMO], environment, empty)
+
+
+def assert_it_serves_a_page(command: list[str], environment: dict[str, str], folder: Path) -> None:
+    """Starts the command in a folder, and reads the page whose address it says."""
+    script = 'cd "$1"; shift; exec "$@" 2>&1'
+    child = Child(["sh", "-c", script, "sh", str(folder), *command], environment)
     try:
         text = ""
         for line in child.answers:

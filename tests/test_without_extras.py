@@ -58,6 +58,7 @@ NEEDS = {
     "plots": ("plots", ["evaluate", "{run}/truth.tum", "{run}/stereo.paper.tum", "--plots", "{out}/plots"]),
     "fusion": ("fusion", ["run", "sim:tiny?sensors=imu", "--methods", "fused", "--max-exposures", "3", "--out", OUT]),
     "bags": ("bags", ["sources", "{bag}"]),
+    "latitude and longitude": ("fusion", ["sources", "sim:tiny", "--sensors", "{fixes}"]),
 }
 """What cannot be had without an extra."""
 FAILED = {
@@ -70,6 +71,7 @@ FAILED = {
     "triage": (1,),
 }
 """Exit codes that are no failure of the program: there is no cause, too few views or runs, or no system library."""
+FIXES = "gnss: {file: fixes.csv, sigma_m: 1, rig_from_gnss: {translation_m: [0, 0, 0], rotation_xyzw: [0, 0, 0, 1]}}\n"
 PLAN = "title: Tiny\nsources: [sim:tiny]\nseeds: [0]\nmax_exposures: 30\nmethods: [stereo.paper]\n"
 
 
@@ -139,8 +141,10 @@ def test_what_needs_an_extra_names_it(name: str, places: dict[str, str], tmp_pat
     (tmp_path / "out").mkdir()
     bag = tmp_path / "a.mcap"
     bag.write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "fixes.yaml").write_text(FIXES)
+    (tmp_path / "fixes.csv").write_text("time_s,lat,lon,height\n0,49,8.4,100\n1,49,8.4,100\n")
     extra, words = NEEDS[name]
-    done = execute(filled(words, places | {"bag": str(bag)}, tmp_path), tmp_path)
+    done = execute(filled(words, places | {"bag": str(bag), "fixes": str(tmp_path / "fixes.yaml")}, tmp_path), tmp_path)
     assert done.returncode == 2 and f"ispom[{extra}]" in done.stderr, done.stderr
     (sentence,) = done.stderr.strip().splitlines()
     assert sentence.startswith("ispom: ")

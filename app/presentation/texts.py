@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import humanize
-
 ALIGNMENTS = {
     "none": "none: coordinates are compared as they are",
     "first": "first: the first compared poses coincide",
@@ -97,7 +95,9 @@ def computing_time(seconds: float, unit: Unit | None = None) -> str:
 
 def size(count: int) -> str:
     """Of bytes: 12.3 MB."""
-    return humanize.naturalsize(count)
+    from rich import filesize  # imported here: a run without a terminal does not load rich
+
+    return filesize.decimal(count)
 
 
 def duration(seconds: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.presentation.texts import METRE, angle, computing_time, digits, length, length_unit, lengths
+from ispom_app.presentation.texts import METRE, angle, computing_time, digits, length, length_unit, lengths, size
 
 
 @pytest.mark.parametrize(
@@ -54,3 +54,8 @@ def test_a_column_shares_one_unit() -> None:
 def test_angles_and_times_have_their_units_too() -> None:
     assert angle(0.0104) == "0.010°" and angle(12.34) == "12.3°"
     assert computing_time(0.0353) == "35.3 ms" and computing_time(1.2351) == "1.24 s"
+
+
+@pytest.mark.parametrize(("count", "text"), [(300, "300 bytes"), (1500, "1.5 kB"), (12_345_678, "12.3 MB")])
+def test_a_size_is_in_thousands_of_bytes(count: int, text: str) -> None:
+    assert size(count) == text
