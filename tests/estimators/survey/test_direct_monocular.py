@@ -138,5 +138,5 @@ def test_the_scale_stays_within_what_is_stated_on_a_drive() -> None:
     found, truth = estimator.finish(state), sequence.truth
     assert truth is not None and len(found) == 50
     errors = path_errors(found, truth, sequence.rig, False)
-    assert errors["t_err_percent"] < 3.0
+    assert errors["t_err_percent"] < 1.5
     assert abs(np.log(errors["step_scale_end_over_start"])) < 3 * sigma
