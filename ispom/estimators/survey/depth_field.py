@@ -248,11 +248,11 @@ class Lines:
         they do not agree."""
         patches = self.patches(inverse)
         for _ in range(ITERATIONS):
-            values, along, _ = self._slopes(inverse, patches)
+            values, along, _ = self.slopes(inverse, patches)
             step = ((self.intensity - values) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-6)
             speed = np.maximum(self.speed(inverse), 1e-9)
             inverse = inverse + np.clip(np.nan_to_num(step), -STEP_PX, STEP_PX) / speed
-        values, along, across = self._slopes(inverse, patches)
+        values, along, across = self.slopes(inverse, patches)
         energy = (along**2).sum(axis=1)
         noise = np.maximum(LEAST_SCALE**2, ((self.intensity - values) ** 2).mean(axis=1))
         clear = energy - len(PATCH) * noise / (2 * STEP_PX) ** 2
@@ -262,16 +262,22 @@ class Lines:
         sigma_px = np.sqrt(LEAST_PX**2 + noise / clear + (LINE_PX * (along * across).sum(axis=1) / clear) ** 2)
         return inverse, np.where(good, sigma_px / np.maximum(self.speed(inverse), 1e-9), np.inf)
 
-    def _slopes(self, inverse: Array, patches: Array) -> tuple[Array, Array, Array]:
+    def slopes(self, inverse: Array, patches: Array) -> tuple[Array, Array, Array]:
         """Returns the intensities (N, P) of the patches, and their slopes along the line and across it (N, P) [grey
         levels per px], each without its mean."""
         velocity, uv = self.velocity(inverse), self.at(inverse)[:, None] + patches
-        along = velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-9)
+        along = directions(velocity)
         slopes = list[Array]()
         for direction in (along, along[:, ::-1] * (-1.0, 1.0)):
             ahead, back = (self.values(uv + sign * STEP_PX * direction[:, None]) for sign in (1, -1))
             slopes.append((ahead - back) / (2 * STEP_PX))
         return self.values(uv), slopes[0], slopes[1]
+
+
+def directions(velocity: Array) -> Array:
+    """Returns the unit vectors (N, 2) of velocities (N, 2); the axis u where there is none."""
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    return np.where(speed > 1e-9, velocity / np.maximum(speed, 1e-9), (1.0, 0.0))
 
 
 def without_mean(values: Array) -> Array:

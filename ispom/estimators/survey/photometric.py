@@ -9,7 +9,7 @@ t-distribution whose scale is measured in each iteration (Kerl, Sturm and Cremer
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -90,6 +90,11 @@ class Alignment:
         """(N,) whether each patch looks the same in the image."""
         return self.correlation >= MIN_CORRELATION
 
+    def moved(self, camera: Camera, uv: Array, depth: Array, image: Image, pose: Pose) -> Alignment:
+        """Returns the alignment under a pose nearby, from the points uv (N, 2) [px] of the reference with depths (N,)
+        and the image; the correlations are left as they are."""
+        return replace(self, pose=pose, uv=_places(camera, uv, depth, image, pose))
+
 
 @dataclass(frozen=True, eq=False)
 class Level:
@@ -160,12 +165,16 @@ def _through(
     seen = np.isfinite(residuals)
     if seen.mean() < LEAST_SEEN:
         return None
-    places = camera.project(pose.apply(depth[:, None] * rays_of(camera, uv)))
-    inside = np.isfinite(sample(image[0], places))
+    places = _places(camera, uv, depth, image[0], pose)
     correlation = correlations(levels[0].intensity.reshape(len(uv), -1), values.reshape(len(uv), -1))
     scale = max(LEAST_SCALE, MAD * median(residuals[seen]))
-    places = np.where(inside[:, None], places, np.nan)
     return Alignment(pose, gain, offset, places, correlation, scale)
+
+
+def _places(camera: Camera, uv: Array, depth: Array, image: Image, pose: Pose) -> Array:
+    """Returns where a pose sees the points [px]; NaN outside of the image."""
+    places = camera.project(pose.apply(depth[:, None] * rays_of(camera, uv)))
+    return np.where(np.isfinite(sample(image, places))[:, None], places, np.nan)
 
 
 def correlations(a: Array, b: Array) -> Array:

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from ispom.estimators.modern.monocular.keyframe import MAX_SCALE_GROWTH
+from ispom.estimators.survey import direct_monocular
+from ispom.estimators.survey.depth_alignment import Joint, jointly_aligned
+from ispom.estimators.survey.depth_field import LINE_PX, DepthField
 from ispom.estimators.survey.direct_monocular import DirectMonocularConfig
+from ispom.evaluation.metrics import path_errors
 from ispom.evaluation.trajectory_error import trajectory_error
 from ispom.geometry import Pose
-from ispom.types import Frame, Rig, Status, Step, Trajectory
+from ispom.sequences import open_sequence
+from ispom.types import Camera, Frame, Image, Rig, Status, Step, Trajectory
 from tests.estimators.survey.scenes import CAMERA, seen
 
+DATA = Path(__file__).parents[4] / "shared" / "data"
 COUNT = 14
 
 
@@ -79,3 +88,55 @@ def test_ids_of_pixels_are_unique() -> None:
     assert len(keys) > 1
     for step in keys:
         assert len(set(step.landmarks.ids.tolist())) == len(step.landmarks.ids) > 0
+
+
+def test_a_pose_that_contradicts_the_images_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    contradicted(monkeypatch, line_error_px=1.01 * LINE_PX)
+    steps, _ = run([video(k, pose(k)) for k in range(COUNT)])
+    first = next(i for i, step in enumerate(steps) if step.status is Status.TRACKING)
+    assert all(step.status is Status.LOST for step in steps[first + 1 :])
+    failed = steps[first + 1].decisions[-1]
+    assert failed.key == "line_error" and not failed.passed
+
+
+def test_the_scale_gets_less_certain_with_each_keyframe() -> None:
+    steps, _ = run([video(k, pose(k), 1.0) for k in range(12)], 1.0)
+    sigmas = [step.scale_sigma for step in steps if step.scale_sigma is not None]
+    assert sum(step.key_frame for step in steps) > 1
+    assert sigmas[0] == 0.0 and sigmas == sorted(sigmas) and 0 < sigmas[-1] < MAX_SCALE_GROWTH
+
+
+def test_a_segment_ends_where_its_scale_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    contradicted(monkeypatch, line_error_px=0.6 * LINE_PX, parallax_px=0.4 * LINE_PX / MAX_SCALE_GROWTH)
+    steps, _ = run([video(k, pose(k)) for k in range(12)], 1.0)
+    ends = next(i for i, step in enumerate(steps) if step.status is Status.LOST)
+    failed, after = steps[ends].decisions[-1], steps[ends + 1]
+    assert failed.key == "scale_known" and not failed.passed
+    assert failed.value == pytest.approx(150 * MAX_SCALE_GROWTH)
+    assert after.status is Status.LOST and after.decisions[0].key == "start_parallax"
+
+
+def contradicted(monkeypatch: pytest.MonkeyPatch, line_error_px: float, parallax_px: float = 10.0) -> None:
+    """Lets the images contradict every pose by so much."""
+
+    def answer(field: DepthField, camera: Camera, image: Image, image_from_key: Pose) -> Joint:
+        return Joint(jointly_aligned(field, camera, image, image_from_key).pose, line_error_px, parallax_px)
+
+    monkeypatch.setattr(direct_monocular, "jointly_aligned", answer)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (DATA / "kitti").is_dir(), reason="the KITTI recording is not in ../shared/data")
+def test_the_scale_stays_within_what_is_stated_on_a_drive() -> None:
+    sequence = open_sequence(str(DATA / "kitti" / "sequences" / "06"))
+    estimator = DirectMonocularConfig().build(sequence.rig)
+    state, sigma = estimator.start(), 0.0
+    for i in range(len(sequence)):
+        if sequence.kinds[i] == "video":
+            state, step = estimator.step(state, sequence[i])
+            sigma = max(sigma, step.scale_sigma or 0.0)
+    found, truth = estimator.finish(state), sequence.truth
+    assert truth is not None and len(found) == 50
+    errors = path_errors(found, truth, sequence.rig, False)
+    assert errors["t_err_percent"] < 1.5
+    assert abs(np.log(errors["step_scale_end_over_start"])) < 3 * sigma
