@@ -1,14 +1,14 @@
 // Debug | Compare | Learn: what the page is laid out for. Each page has its own mode; the session knows nothing of it.
 import { element } from "./element.js";
-import { published, runs } from "./published.js";
+import { published, runs, site } from "./published.js";
 
-const MODES = published ? ["debug", "compare"].slice(0, runs) : ["debug", "compare", "learn"];
+const MODES = site ? ["debug", "learn"] : published ? ["debug", "compare"].slice(0, runs) : ["debug", "compare", "learn"];
 const buttons = [...document.querySelectorAll("#modes input")];
 const list = document.getElementById("learn");
 
-// `command` asks the session for something, `changed` is called after a person, or the address, chose another mode.
-export function makeModes(command, changed) {
-  const modes = { mode: "debug", set, follow };
+// `command` asks the session for something, `answer` gives what it knows, `changed` is called after a person, or the address, chose another mode.
+export function makeModes(command, answer, changed) {
+  const modes = { mode: "debug", usual: site ? "learn" : "debug", set, follow };
   let lessons = null; // as the server sent them
   let asked = ""; // the progress that they were fetched for
 
@@ -31,22 +31,20 @@ export function makeModes(command, changed) {
     const key = JSON.stringify([state.address.lesson, state.run]);
     if (!shown || (asked === key && lessons)) return;
     asked = key;
-    fetch("runs")
-      .then((answer) => answer.json())
-      .then(
-        (found) => paint((lessons = found.lessons)),
-        () => (asked = ""),
-      );
+    answer("runs").then((found) => {
+      if (found) paint((lessons = found.lessons));
+      else asked = "";
+    });
   }
 
   function paint(found) {
     const done = found.filter(({ done, steps }) => done === steps).length;
     const head = element("div", "head");
-    const count = done ? `${done} of ${found.length} done.` : `${found.length} lessons.`;
-    head.append(
-      element("h1", "", "Lessons"),
-      element("span", "quiet", `${count} Predict, run, see. A lesson opens simulated recordings; your run stays in the table of runs.`),
-    );
+    const count = done ? `${done} of ${found.length} done.` : found.length > 1 ? `${found.length} lessons.` : "";
+    const runs = site
+      ? "Their runs were computed when this page was made."
+      : "A lesson opens simulated recordings; your run stays in the table of runs.";
+    head.append(element("h1", "", "Lessons"), element("span", "quiet", `${count} Predict, run, see. ${runs}`));
     const cards = element("ol", "lessons");
     cards.append(...found.map(card));
     list.replaceChildren(head, cards);
