@@ -16,6 +16,7 @@ from ...engine.outputs import claim_folder
 from ...engine.playback import Builder
 from ...views.web.rerun_assets import viewer_files
 from .data import data_files
+from .gallery.failures import failures_data
 from .gallery.lessons import lessons_data, lessons_named
 from .options import Publish
 from .review import plain_name, require_run, reviewed
@@ -23,18 +24,35 @@ from .site import DATA, packed_viewer, page_files, write_site
 
 COMMAND = "publish"
 MB = 1e6
-RUN_MB, SITE_MB = 23.0, 80.0
+RUN_MB, LESSONS_MB, FAILURES_MB = 23.0, 80.0, 50.0
 """Usual limits of a folder: the Rerun viewer takes 17.5 MB of it. Lessons have some twenty runs of half-size images."""
 
 
 def publish(options: Publish, builder: Builder = build) -> int:
     """Writes the folder; InputError where a folder holds no complete run with a recording, where runs are of different
     sources, where there is no such lesson, or where the folder cannot be as small as asked."""
-    most_mb = options.max_mb if options.max_mb is not None else SITE_MB if options.lessons else RUN_MB
+    most_mb = options.max_mb if options.max_mb is not None else _usual_mb(options)
     if not 0 < most_mb < math.inf:
         raise InputError(f"--max-mb is {options.max_mb}: give a positive number of megabytes")
     out, most_bytes = expanded(options.out), most_mb * MB
+    if options.lessons and options.failures:
+        raise InputError("--lessons and --failures were given: publish each into a folder of its own")
+    if options.failures:
+        return _failures(options, out, most_bytes, builder)
     return _lessons(options, out, most_bytes, builder) if options.lessons else _runs(options, out, most_bytes)
+
+
+def _usual_mb(options: Publish) -> float:
+    return LESSONS_MB if options.lessons else FAILURES_MB if options.failures else RUN_MB
+
+
+def _failures(options: Publish, out: Path, most_bytes: float, builder: Builder) -> int:
+    if options.runs:
+        raise InputError(f"--failures has runs of its own: leave out {options.runs[0]}")
+    claim_folder(out, COMMAND)
+    page = _page(1, "failures")
+    _write(out, page, failures_data(builder, most_bytes - _size(page)))
+    return 0
 
 
 def _lessons(options: Publish, out: Path, most_bytes: float, builder: Builder) -> int:

@@ -12,7 +12,7 @@ from ...engine.options import Programs
 
 @dataclass(frozen=True, kw_only=True)
 class Publish(Programs):
-    """Writes finished runs, or the lessons, as a folder that any web server shows without Python."""
+    """Writes finished runs, the lessons or ways to fail as a folder that any web server shows without Python."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Folders that `ispom run` wrote. The first is shown; further ones on the same source are compared with it.
@@ -21,6 +21,8 @@ class Publish(Programs):
     """A new or empty folder, or one that this command wrote before."""
     lessons: bool = False
     """Publish lessons: their runs are computed now, and the page has their answers."""
+    failures: bool = False
+    """Publish eight ways to fail, each a simulated run with the doctor's answer."""
     max_mb: float | None = None
-    """Limit on the size of the folder [MB]; default: 23, with --lessons 80. Images are stored in a lower quality, or
-    left out, where it takes that."""
+    """Limit on the size of the folder [MB]; default: 23, with --lessons 80, with --failures 50. Images are stored in a
+    lower quality, or left out, where it takes that."""

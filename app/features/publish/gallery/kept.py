@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ispom.ensemble import build
-from ispom.types import FRAME_KINDS
+from ispom.types import images_of
 
 from ....engine.events import Finished, Stepped
 from ....engine.history.history import History
@@ -35,14 +35,12 @@ class Kept(Seen):
         self._opened = playback.opened
         self._history, self._series = History(MEMORY_BYTES), Series(playback.methods)
         self._finished: dict[int, Finished] = {}
-
-    @property
-    def images(self) -> int:
-        """The number of frames that have images."""
-        return sum(kind in FRAME_KINDS for kind in self._playback.sequence.kinds)
+        self.images = 0
+        """Of all cameras."""
 
     def add(self, event: Stepped) -> None:
         super().add(event)
+        self.images += len(images_of(event.exposure))
         record = ExposureRecord.of(event, self._history.last)
         self._history.append(record)
         self._series.append(record)

@@ -82,7 +82,7 @@ def lessons_data(lessons: list[Lesson], builder: Builder, most_bytes: float) -> 
     """By name, the files of the lessons, which take at most so many bytes. Says which lesson it is at. InputError as
     `ispom run`."""
     listed = [_listed(lesson) for lesson in lessons]
-    found = {"site.bin": packed({"kind": "lessons", "first": f"{lessons[0].name}-1", "listed": listed})}
+    found = {"site.bin": packed({"first": f"{lessons[0].name}-1", "listed": listed})}
     with TemporaryDirectory() as place:
         runs = Runs(Path(place), ends_of(lessons), builder)
         for number, lesson in enumerate(lessons, 1):
@@ -96,8 +96,8 @@ def lessons_data(lessons: list[Lesson], builder: Builder, most_bytes: float) -> 
 
 
 def lesson_files(lesson: Lesson, runs: Runs, image_bytes: float) -> Iterator[tuple[str, bytes]]:
-    """By name: what is to be written of a lesson; each of its runs takes at most so many bytes for each frame that has
-    images, with all that is said of it."""
+    """By name: what is to be written of a lesson; each of its runs takes at most so many bytes for each of its images,
+    with all that is said of it."""
     steps: dict[int, dict[str, Any]] = {}
     for number, part in enumerate(parts_of(lesson), 1):
         name = f"{lesson.name}-{number}"

@@ -12,6 +12,7 @@ export function makeModes(command, answer, changed) {
   let lessons = null; // as the server sent them
   let asked = ""; // the progress that they were fetched for
 
+  if (site === "failures") buttons.at(-1).nextSibling.textContent = "Gallery";
   for (const button of buttons) button.addEventListener("change", () => set(button.value));
 
   function set(mode) {
@@ -38,6 +39,7 @@ export function makeModes(command, answer, changed) {
   }
 
   function paint(found) {
+    if (site === "failures") return paintFailures(found);
     const done = found.filter(({ done, steps }) => done === steps).length;
     const head = element("div", "head");
     const count = done ? `${done} of ${found.length} done.` : found.length > 1 ? `${found.length} lessons.` : "";
@@ -48,6 +50,29 @@ export function makeModes(command, answer, changed) {
     const cards = element("ol", "lessons");
     cards.append(...found.map(card));
     list.replaceChildren(head, cards);
+  }
+
+  function paintFailures(found) {
+    const head = element("div", "head");
+    const runs = "Simulated runs with one fault each, and what the doctor finds in them.";
+    head.append(element("h1", "", "Ways to fail"), element("span", "quiet", runs));
+    const cards = element("ol", "lessons");
+    cards.append(...found.map(failure));
+    list.replaceChildren(head, cards);
+  }
+
+  function failure({ name, title, about, answer, command: shell }, i) {
+    const made = element("li");
+    const button = made.appendChild(element("button", "lesson-card"));
+    button.dataset.run = name;
+    button.addEventListener("click", () => {
+      command({ do: "open_named", name });
+      set("debug");
+    });
+    button.append(element("span", "quiet", `${i + 1}`), element("b", "", title), element("span"));
+    button.append(element("span", "about", about), element("span", "about", `The doctor: ${answer}.`));
+    button.append(element("code", "about quiet", shell));
+    return made;
   }
 
   function card({ name, title, minutes, steps, done }, i) {

@@ -3,7 +3,6 @@
 const MOST_PLOTS = 12;
 const ONLY_FIRST = "This page has the comparisons of its first run with each of the others: choose the first one as A.";
 
-
 export const branchLayer = (number) => `branch:${number}`;
 export const isBranch = (layer) => layer.startsWith(branchLayer(""));
 

@@ -75,7 +75,7 @@ export function openPublished({ opened, heard, lost }) {
     const address = { ...plain.address, hidden: layers, plots: usual ? "" : plots.join() || "none", lesson: place };
     const paths = [...new Set([...data.message.hidden, ...hidden.flatMap((name) => data.paths[name] ?? [])])];
     const own = { ...plain, ...data.frames[state.index], ...covered?.message, computed: Math.min(plain.computed, limit) };
-    const waits = session.site && session.runs === 1; // nothing was chosen of its list yet: the viewer need not start
+    const waits = many === "lessons" && session.runs === 1; // nothing was chosen yet: the viewer need not start
     const recorded = waits ? null : { ...data.stage, file: nameIn(session.folder, "stage") };
     const learnt = session.site ? { lesson } : {};
     heard({ ...own, address, hidden: paths, axis: null, plots: null, recorded, ...pane(covered), ...learnt, ...news });
@@ -112,6 +112,11 @@ export function openPublished({ opened, heard, lost }) {
       lessons.obey(message, site).then(answered, (fault) => answered(`This cannot be loaded (${fault.message}).`));
       return;
     }
+    const named = message.do === "open_named" && site?.listed.find(({ name, at }) => name === message.name && at !== undefined);
+    if (named) {
+      enter(named.name, named.at, []).catch((fault) => answered(`This cannot be loaded (${fault.message}).`));
+      return;
+    }
     const isRefused = lessons.view.covered && message.do !== "look_at";
     const change = isRefused ? OPEN : (commandsOf[message.do] ?? refuse)(message, state, data);
     Object.assign(state, typeof change === "string" ? { refused: [state.refused[0] + 1, change] } : change);
@@ -129,7 +134,9 @@ export function openPublished({ opened, heard, lost }) {
   const answers = {
     comparison: () => comparisonOf(session.state, session.data),
     numbers: () => load(nameIn(session.folder, "numbers")),
-    runs: () => ({ lessons: session.site.listed.map((each) => ({ ...each, done: Math.min(lessons.steps[each.name] ?? 0, each.steps) })) }),
+    runs: () => ({
+      lessons: session.site.listed.map((each) => ({ ...each, done: Math.min(lessons.steps[each.name] ?? 0, each.steps ?? 0) })),
+    }),
   };
   const answer = async (address) => answers[address]?.() ?? null;
 
