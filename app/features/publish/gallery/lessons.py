@@ -18,6 +18,7 @@ from typing import Any
 from ispom.errors import printable
 
 from ....engine.playback import Builder
+from ....session.sources.folders import run_name
 from ....session.state import State
 from ....views.web.messages import message_of
 from ....views.web.view_values import value_of, views
@@ -102,7 +103,7 @@ def lesson_files(lesson: Lesson, runs: Runs, image_bytes: float) -> Iterator[tup
     for number, part in enumerate(parts_of(lesson), 1):
         name = f"{lesson.name}-{number}"
         folders = [runs.of(request).folder for request in (part.own, *(request for _, request in part.others))]
-        names = [part.own.source, *(other for other, _ in part.others)]
+        names = [run_name(part.own.source), *(other for other, _ in part.others)]
         with reviewed(folders, names, compares=False) as review:
             found, _ = data_files(review, folders, image_bytes * runs.of(part.own).kept.images)
             yield from ((f"{name}/{file}", content) for file, content in found.items())

@@ -51,6 +51,10 @@ def test_further_runs_are_branches_that_can_be_hidden(lessons: Path) -> None:
     assert "branch:1" not in data(lessons, "own-2/run")["paths"]
 
 
+def test_a_run_is_named_without_its_place(lessons: Path) -> None:
+    assert [data(lessons, f"own-{i}/run")["message"]["source"] for i in (1, 2)] == ["07", "07"]
+
+
 def test_the_viewer_is_there_once(lessons: Path) -> None:
     assert len(list(lessons.rglob("viewer.js"))) == 1 and len(list(lessons.rglob("stage.bin"))) == 2
 

@@ -13,7 +13,9 @@ export function makePublishedLessons(enter, again) {
   async function learn({ name, place = null }, { listed }) {
     const lesson = listed.find((each) => each.name === name);
     if (!lesson) return `there is no lesson “${name.slice(0, 60)}”: choose one of the list`;
+    const own = serial;
     const { steps } = await load(`lesson-${name}`);
+    if (own !== serial) return ""; // something else was asked for meanwhile
     const next = done[name] ?? 0;
     return turn({ lesson, steps, shown: [] }, place ?? (next < steps.length ? next : 0));
   }
@@ -21,17 +23,28 @@ export function makePublishedLessons(enter, again) {
   async function turn(before, place) {
     const step = before.steps[place];
     if (!step) return `${before.lesson.title} has ${before.steps.length} steps: there is no step ${place + 1}`;
-    now = { ...before, place, yours: null, open: true };
-    await enter(step.run, step.at, hidden());
+    await change({ ...before, place, yours: null, open: true }, step.at);
+  }
+
+  // Where the run cannot be had, all stays as it is.
+  async function change(next, index) {
+    const before = now;
+    now = next;
+    try {
+      await enter(next.steps[next.place].run, index, hidden());
+    } catch (fault) {
+      if (now === next) now = before;
+      throw fault;
+    }
   }
 
   async function reveal() {
     const { lesson, steps, place, shown } = now;
     const step = steps[place];
-    now = { ...now, open: false, shown: [...new Set([...shown, ...step.branches.map((name) => `${step.run} ${name}`)])] };
+    const branches = step.branches.map((name) => `${step.run} ${name}`);
     done[lesson.name] = Math.max(done[lesson.name] ?? 0, place + 1);
     keep(done);
-    await enter(step.run, step.to ?? Infinity, hidden());
+    await change({ ...now, open: false, shown: [...new Set([...shown, ...branches])] }, step.to ?? Infinity);
   }
 
   // Layers and branches that are not drawn: of branches those whose question was not answered yet.

@@ -10,13 +10,14 @@ const OPEN = "A question of the lesson is open: answer it and reveal the answer,
 
 // As openSocket of session_link.js.
 export function openPublished({ opened, heard, lost }) {
-  const session = { data: null, state: null, folder: null, site: null, runs: 0 };
+  const session = { data: null, state: null, folder: null, site: null, runs: 0, asked: 0 };
   const lessons = makePublishedLessons(enter, () => tell());
   const chunks = new Map(); // what the left pane says, by name of its file
   async function open() {
     try {
       session.site = many ? await load("site") : null;
-      await read(session.site?.first ?? "");
+      const first = session.site?.first ?? "";
+      take(first, await read(first));
     } catch (fault) {
       lost(`the data of this page cannot be loaded (${fault.message})`);
       return;
@@ -26,18 +27,27 @@ export function openPublished({ opened, heard, lost }) {
     tell(whole());
   }
 
-  // Takes the data of another run, from a folder of its own where there are many.
+  // The data of a run, from a folder of its own where there are many.
   async function read(folder) {
-    if (folder === session.folder) return;
+    if (folder === session.folder) return session.data;
     const data = await load(nameIn(folder, "run"));
     data.comparisons = data.runs.length > 1 ? await load("comparisons") : [];
-    chunks.clear();
+    return data;
+  }
+
+  function take(folder, data) {
+    if (folder !== session.folder) chunks.clear();
     Object.assign(session, { data, folder });
   }
 
-  // A run at a frame or its last before it, as one that was just opened; null for what is shown already.
+  // A run at a frame or its last before it, as one that was just opened; null for what is shown already. Where another one is
+  // asked for meanwhile, that is shown.
   async function enter(folder, index, hidden) {
-    await read(folder ?? session.folder);
+    const own = ++session.asked;
+    const wanted = folder ?? session.folder;
+    const data = await read(wanted);
+    if (own !== session.asked) return;
+    take(wanted, data);
     show(index ?? session.state.index, hidden);
     tell(whole());
   }
