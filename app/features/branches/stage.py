@@ -45,4 +45,9 @@ def trajectories(branches: Mapping[int, BranchInView], hidden: frozenset[str]) -
                 continue
             placement = branch.placements.get(method, Similarity())
             lines = [placement.apply(np.asarray(line)) for block in blocks for line in known.poses.lines(block)]
-            yield Entry(f"world/branches/{number}/{method}", entities.lines(lines, branch.colour, WIDTH_PX))
+            yield Entry(f"{entity_of(number)}/{method}", entities.lines(lines, branch.colour, WIDTH_PX))
+
+
+def entity_of(number: int) -> str:
+    """The path of all that is drawn of a branch."""
+    return f"world/branches/{number}"

@@ -7,16 +7,16 @@
 /** @param {DoctorView} view @param {Html} html */
 export function doctor(view, html) {
   const answered = !view.progress && !view.problem && (view.answer || view.causes.length > 0);
-  return html`<div class="explain live" data-cause>
+  return html`<div class="explain${view.stretch ? "" : " live"}" data-cause>
     ${
       view.progress
-        ? html`<button type="button" class="act" data-do='{"do":"cancel_examination"}' title="Ends the examination without an answer.">Cancel</button>`
-        : html`<button type="button" class="act" data-do='{"do":"examine"}'
+        ? html`<button type="button" class="act live" data-do='{"do":"cancel_examination"}' title="Ends the examination without an answer.">Cancel</button>`
+        : html`<button type="button" class="act live" data-do='{"do":"examine"}'
             title="Examines the frames before and after the one shown: which single cause explains best what went wrong there?">Diagnose</button>`
     }
     ${
       view.helped &&
-      html`<button type="button" class="act" data-do='{"do":"fork_with_remedy"}'
+      html`<button type="button" class="act live" data-do='{"do":"fork_with_remedy"}'
         title="Keeps this run, and runs on from before the stretch with the setting that helped most, as a branch.">Apply what helped</button>`
     }
     ${view.stretch && html`<h3>Cause<span>frames ${view.stretch[0]} to ${view.stretch[1]}</span></h3>`}

@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from collections import Counter
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from .job import Job, Origin
 from .options import Run
 from .output import describe, write_inputs
 from .play import Played, play
+from .seen import Seen
 
 NO_MOTION = "no method found any motion"
 """In the sentence of a run without two poses: by this an experiment knows it from other failures."""
@@ -70,8 +72,9 @@ def played_into(
     origin: Origin | None = None,
     progress: Progress = progress,
     computes: bool = True,
+    seen: Callable[[Playback], Seen] = lambda _: Seen(),
 ) -> Job:
-    """The same over a sequence that is open. `computes`: see Job."""
+    """The same over a sequence that is open. `computes`, and what `seen` makes: see Job."""
     condition = until(options.until)
     try:
         methods = _chosen_methods(options, sequence)
@@ -82,7 +85,9 @@ def played_into(
         playback = Playback(sequence, with_dependencies(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
         with terminable() as signals, _folder(options.out, sequence.name) as folder:
-            job = Job(options, methods, origin, playback, Until(condition), folder, progress, computes)
+            job = Job(
+                options, methods, origin, playback, Until(condition), folder, progress, computes, seen=seen(playback)
+            )
             _run(job, signals)
     finally:
         if sequence.stop is not None:

@@ -101,6 +101,10 @@ class Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     within_percent: float = 0.0
     """Likewise, as a share of what is right."""
 
+    def tolerance(self, true: float) -> float:
+        """How far an answer may be from the true one."""
+        return max(self.within, abs(true) * self.within_percent / 100)
+
 
 @dataclass(frozen=True)
 class Point:

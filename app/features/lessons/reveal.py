@@ -113,11 +113,11 @@ def is_right(ask: Ask, found: Revealed, answer: Answer) -> bool:
     match ask:
         case Choose() | Point():
             return answer in found.right
-        case Number(value, _, within, percent):
+        case Number(value):
             if not isinstance(answer, int | float):
                 raise TypeError(f"the answer to a number is {answer!r}: take answers from accepted()")
             true = found.values[value]
-            return abs(answer - true) <= max(within, abs(true) * percent / 100)
+            return abs(answer - true) <= ask.tolerance(true)
         case Draw(within=within):
             shown = np.clip(true_heights(found, ask), *ask.y_range)
             return float(np.abs(np.array(answer) - shown).mean()) <= within

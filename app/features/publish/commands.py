@@ -10,15 +10,19 @@ from ...session.controller import Controller
 
 
 class AddRun(Command, frozen=True):
-    """Add a finished run on the same source as a branch of the one that is shown, and compare the two."""
+    """Add a finished run as a branch of the one that is shown."""
 
     path: str
     """Of its folder."""
     name: str
+    compares: bool = True
+    """Whether the two are compared: they are on the same source."""
 
     def execute(self, session: Controller) -> None:
         found = session.screen.opener.stored(self.path, session.setup.history_bytes)
         if found is None:
             raise InputError(f"{self.path} holds no run: give a folder that `ispom run` wrote")
         branches = session.service(BranchService)
-        branches.compare(branches.add(found, self.name, 0, (), reproducible=True, show=False))
+        number = branches.add(found, self.name, 0, (), reproducible=True, show=False)
+        if self.compares:
+            branches.compare(number)

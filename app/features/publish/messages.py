@@ -14,13 +14,15 @@ from typing import Any
 
 from ...session import commands as do
 from ...session.actions import actions
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ...views.rerun.blueprint import hidden_paths
+from ...views.rerun.blueprint import hidden_in_world, hidden_paths
 from ...views.rerun.layers import LAYERS, OPTIONAL
 from ...views.web.messages import keys, message_of
 from ...views.web.numbers import over_time
 from ...views.web.time_axis import AxisNews
+from ..branches.stage import entity_of
 from ..events.commands import StepToEvent
 from ..layers.state import Layers
 from ..plots.commands import DEFAULT_PLOTS, ERROR, Plots
@@ -117,7 +119,7 @@ def numbers_message(run: CurrentRun) -> dict[str, Any]:
 
 
 def _paths(state: State) -> dict[str, list[str]]:
-    """By each layer and method that can be hidden: the paths that are hidden then in addition."""
+    """By each layer, method and branch that can be hidden: the paths that are hidden then in addition."""
     colouring = state[Layers].colour_by
     always = set(hidden_paths(state.methods, OPTIONAL, colouring, state.cameras))
     found = {}
@@ -125,4 +127,11 @@ def _paths(state: State) -> dict[str, list[str]]:
         if name not in OPTIONAL:
             paths = hidden_paths(state.methods, {name, *OPTIONAL}, colouring, state.cameras)
             found[name] = [path for path in paths if path not in always]
+    for branch in state[Branches].all[1:]:
+        found[branch_layer(branch.number)] = [hidden_in_world(entity_of(branch.number))]
     return found
+
+
+def branch_layer(number: int) -> str:
+    """What the page's session calls the trajectories of a branch among the layers."""
+    return f"branch:{number}"

@@ -23,10 +23,12 @@ from ...session.branches.service import BranchService
 from ...session.branches.state import Branches
 from ...session.session import Session
 from ...session.setup import SessionSetup
+from ...session.state import State
 from ..runs.compare import comparison_message
 from ..runs.frame_picture import WIDTH_PX, frame_picture
 from ..runs.live import live_rows
 from .commands import AddRun
+from .messages import finished_state
 
 NO_SOURCE = "a published run has no source"
 POLL_S = 0.01
@@ -39,6 +41,8 @@ class Review:
     """The first run on the screen, and what its comparisons with the others found."""
 
     session: Session
+    state: State
+    """Of a page that shows it."""
     names: tuple[str, ...]
     """Of the runs, by the number of their branch."""
     comparisons: tuple[dict[str, Any], ...]
@@ -49,8 +53,9 @@ class Review:
 
 
 @contextmanager
-def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
-    """Opens the runs. Raises InputError where a folder holds no complete run with a recording, or runs differ in their
+def reviewed(folders: list[Path], names: list[str], *, compares: bool = True) -> Iterator[Review]:
+    """Opens the runs; where they are not compared, the others are drawn beside the first one, whatever their frames
+    are. Raises InputError where a folder holds no complete run with a recording, or compared runs differ in their
     frames."""
     for folder in folders:
         require_run(folder)
@@ -62,10 +67,12 @@ def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
             if session.state.phase != "ready":
                 raise InputError(session.state.failure)
             others = zip(folders[1:], names[1:], strict=True)
-            comparisons = [_compared(session, folder, name) for folder, name in others]
+            added = [_added(session, folder, name, compares=compares) for folder, name in others]
+            comparisons = [each for each in added if each is not None]
             _wait(lambda: _measured(session))
             messages = tuple(_message(session, each, Path(empty)) for each in comparisons)
-            yield Review(session, tuple(names), messages, tuple(_pictures(session, each) for each in messages))
+            pictures = tuple(_pictures(session, each) for each in messages)
+            yield Review(session, finished_state(session.state, names[0]), tuple(names), messages, pictures)
         finally:
             session.close(CLOSE_S)
 
@@ -85,15 +92,22 @@ def no_images(source: str, _: object = None) -> Sequence:
     raise InputError(NO_SOURCE)
 
 
-def _compared(session: Session, folder: Path, name: str) -> Comparison:
-    """Adds a run, and waits until its comparison with the first one is complete."""
-    before = session.state.notice_count, session.state[Branches].comparison
-    session.post(AddRun(str(folder), name))
-    _wait(lambda: session.state.notice_count > before[0] or _finished(session, before[1]))
+def _added(session: Session, folder: Path, name: str, *, compares: bool) -> Comparison | None:
+    """Adds a run, and waits until its comparison with the first one is complete, where there is one."""
+    notices, branches = session.state.notice_count, session.state[Branches]
+    session.post(AddRun(str(folder), name, compares))
+
+    def done() -> bool:
+        if compares:
+            return _finished(session, branches.comparison)
+        return len(session.state[Branches].all) > len(branches.all)
+
+    _wait(lambda: session.state.notice_count > notices or done())
+    if not done():
+        raise InputError(f"{folder} cannot be shown beside the first run: {session.state.notices[-1].text}")
     found = session.state[Branches].comparison
-    if found is None or not _finished(session, before[1]):
-        raise InputError(f"{folder} cannot be compared with the first run: {session.state.notices[-1].text}")
-    _require_same_frames(session, found, folder)
+    if found is not None:
+        _require_same_frames(session, found, folder)
     return found
 
 

@@ -9,6 +9,8 @@
     data/numbers.bin       all quantities over the frames, JSON
     data/comparisons.bin   of the first run with each of the others
 
+Of lessons each run has a folder of its own in `data`; gallery/lessons.py says what else there is.
+
 What is compressed is called .bin and not .gz: some servers would unpack that, and a browser would not be told.
 """
 
@@ -39,18 +41,19 @@ WAITING = "The Rerun viewer starts when a source is open."
 OPENED_AS_FILE = "Loading the run. Opened as a file this page stays empty: a web server must show its folder."
 
 
-def page_files(runs: int) -> dict[str, bytes]:
-    """The page and its scripts, for so many runs."""
+def page_files(runs: int, site: str = "") -> dict[str, bytes]:
+    """The page and its scripts, for so many runs that are compared; `site` is what it lists, where it has many pages in
+    one: lessons."""
     found = {}
     for path in sorted(STATIC.iterdir()):
         if path.name == "index.html":
-            found["index.html"] = published_page(path.read_text(encoding="utf-8"), runs).encode()
+            found["index.html"] = published_page(path.read_text(encoding="utf-8"), runs, site).encode()
         elif path.name not in LEFT_OUT and not path.name.endswith(TYPES):
             found[f"web/{path.name}"] = path.read_bytes()
     return found | {f"panels/{name}": path.read_bytes() for name, path in scripts().items()}
 
 
-def published_page(html: str, runs: int) -> str:
+def published_page(html: str, runs: int, site: str = "") -> str:
     """The page without a server: it says so, and the browser lets it speak to its own folder only."""
     policy = "; ".join(
         part for part in SECURITY["Content-Security-Policy"].split("; ") if not part.startswith("frame-ancestors")
@@ -60,8 +63,9 @@ def published_page(html: str, runs: int) -> str:
     marks = ('<html lang="en">', '<meta charset="utf-8" />')
     if not all(html.count(mark) == 1 for mark in marks):
         raise ValueError("the page has another head than this expects")
+    listed = f' data-site="{site}"' if site else ""
     html = html.replace(WAITING, OPENED_AS_FILE).replace(
-        marks[0], f'<html lang="en" data-published="{DATA}" data-runs="{runs}">'
+        marks[0], f'<html lang="en" data-published="{DATA}" data-runs="{runs}"{listed}>'
     )
     return html.replace(marks[1], "\n    ".join((marks[1], *head)))
 
@@ -86,8 +90,11 @@ def write_site(folder: Path, files: Mapping[str, bytes]) -> None:
         write_whole(folder / name, content)
     data = folder / DATA
     try:
-        for path in data.iterdir():
-            if f"{DATA}/{path.name}" not in files and path.suffix == ".bin":
+        for path in data.rglob("*.bin"):
+            if path.relative_to(folder).as_posix() not in files:
                 path.unlink()
+        for path in data.iterdir():
+            if path.is_dir() and not any(path.iterdir()):
+                path.rmdir()
     except OSError as error:
         raise InputError(f"{data} cannot be read ({error.strerror}): give a new folder") from None

@@ -132,10 +132,19 @@ def hidden_paths(
     are coloured so; the legends always, for the page has its own. `cameras` are those besides the video camera and the
     pair."""
     return [
-        f"/view/{_view_id(origin)}/ViewContents/overrides/{path}/visualizers"
+        _override(origin, path)
         for origin, paths in _hidden_entities(methods, hidden, colour_by, cameras).items()
         for path in paths
     ]
+
+
+def hidden_in_world(entity: str) -> str:
+    """The same for one entity of the 3-D view that is no layer."""
+    return _override("/world", entity)
+
+
+def _override(origin: str, entity: str) -> str:
+    return f"/view/{_view_id(origin)}/ViewContents/overrides/{entity}/visualizers"
 
 
 def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = ()) -> None:

@@ -1,6 +1,6 @@
 """Takes the pictures of the documentation: `python -m tests.app.page.pictures [PATH ...]` writes them into docs.
 
-The program is started as a user would, and Chromium shows the page, or a page that a command wrote. A path is that of a
+The program is started as a user would, and Chromium shows the page, or one that a command wrote. A path is that of a
 picture below docs, such as methods/pictures/lines.webp; without one all are taken.
 """
 
@@ -10,6 +10,7 @@ import io
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +18,7 @@ from typing import Any
 
 from PIL import Image
 
+from tests.app.page.click_lessons import served
 from tests.app.page.test_browser import CHROMIUM, FLAGS, Page, launched, playwright
 from tests.app.page.test_stage import seek
 
@@ -42,7 +44,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Written:
-    """A page that commands write: the words after `ispom` of each, and the file."""
+    """A page that commands write: the words after `ispom` of each, and the file, or the folder for a web server."""
 
     commands: tuple[tuple[str, ...], ...]
     file: str
@@ -94,6 +96,7 @@ PICTURES: dict[str, Shown | Written] = {
         (("calibrate", "rig", "sim:calibration?views=30&blur_ms=20", *TARGET, "--report", "calibration.html"),),
         "calibration.html",
     ),
+    "gallery/failures.png": Written((("publish", "--failures", "--out", "failures"),), "failures"),
     **{f"methods/pictures/{name}.webp": shown for name, shown in METHODS.items()},
 }
 """What each picture shows. `frames` is the method of examples/own_estimator, which must be installed."""
@@ -135,9 +138,10 @@ def _session(shown: Shown, folder: Path, browser: Any) -> bytes:
 def _file(shown: Written, folder: str, browser: Any) -> bytes:
     for words in shown.commands:
         subprocess.run([*ISPOM, *words], cwd=folder, check=True)
-    tab = browser.new_page(viewport=SIZE)
-    tab.goto((Path(folder) / shown.file).as_uri())
-    return _settled(tab.wait_for_timeout, tab.screenshot)
+    tab, path = browser.new_page(viewport=SIZE), Path(folder) / shown.file
+    with served(path) if path.is_dir() else nullcontext(path.as_uri()) as url:
+        tab.goto(url)
+        return _settled(tab.wait_for_timeout, tab.screenshot)
 
 
 def _settled(wait: Callable[[float], None], screenshot: Callable[[], bytes]) -> bytes:

@@ -86,3 +86,24 @@ def parted(publish: Callable[..., int], tmp_path_factory: pytest.TempPathFactory
     found = place / "site"
     assert publish(*folders, "--out", found) == 0
     return found
+
+
+@pytest.fixture(scope="session")
+def publish_lesson(publish: Callable[..., int], tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]:
+    """Publishes a lesson about two drives into a folder."""
+    place = tmp_path_factory.mktemp("own lesson")
+    text = (Path(__file__).parent / "lesson.md").read_text()
+    for word in ("SOURCE", "SECOND"):
+        text = text.replace(word, f'"{make_drive(place / word, FRAMES)}"')
+    (place / "own.md").write_text(text)
+
+    def published(out: Path) -> Path:
+        assert main(["publish", str(place / "own.md"), "--lessons", "--out", str(out)], build) == 0
+        return out
+
+    return published
+
+
+@pytest.fixture(scope="session")
+def lessons(publish_lesson: Callable[[Path], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return publish_lesson(tmp_path_factory.mktemp("lessons") / "site")

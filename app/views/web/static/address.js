@@ -3,7 +3,7 @@
 // Of a lesson it names that and the step alone: `#lesson=collapse:2`. The page's own mode, which nobody else sees, stands behind: `&mode=learn`.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
 const PATIENCE_MS = 8000; // for a part that the run does not have, such as a frame beyond its end
-const DEFAULTS = { lesson: "", branch: "0", hidden: "", layers: "", select: "", plot: "", mode: "debug" }; // what need not be written
+const DEFAULTS = { lesson: "", branch: "0", hidden: "", layers: "", select: "", plot: "" }; // what need not be written
 const STEPS = [
   step(
     "lesson",
@@ -53,7 +53,7 @@ function step(name, shown, ask) {
 }
 
 // `drives` says whether this page may change all that; one that follows another's may look at a frame of its own.
-// `modes` has the page's mode.
+// `modes` has the page's mode, and the one that it opens in.
 export function makeAddress(send, drives, modes) {
   let wanted = read(late.instead(location.hash)); // what is still to be reached; null while the address follows the page
   if (wanted && played.before()) delete wanted.at; // a run that plays goes on: its address is behind it
@@ -68,13 +68,13 @@ export function makeAddress(send, drives, modes) {
     late.forget();
     if (location.hash !== written) return;
     writtenAt = performance.now();
-    const hash = hashOf(state, modes.mode);
+    const hash = hashOf(state, modes);
     if (hash !== written) history.replaceState(null, "", hash);
     written = location.hash;
   };
-  modes.set(modeIn(location.hash));
+  modes.set(modeIn(location.hash) ?? modes.usual);
   addEventListener("hashchange", () => {
-    modes.set(modeIn(location.hash));
+    modes.set(modeIn(location.hash) ?? modes.usual);
     asked = null;
     wanted = read(location.hash);
     since = performance.now();
@@ -95,7 +95,7 @@ export function makeAddress(send, drives, modes) {
     if (state.phase !== "empty" && (state.phase === "opening" || state.index < 0)) return;
     if (wanted && !reached(state)) return;
     clearTimeout(due);
-    late.keep(written, hashOf(state, modes.mode));
+    late.keep(written, hashOf(state, modes));
     due = setTimeout(() => write(state), Math.max(0, writtenAt + WRITE_MS - performance.now()));
   };
   // Whether there is nothing more to ask for; where there is, it is asked for, which may come back here at once.
@@ -124,10 +124,11 @@ const refused = (state, asked) => state.notices.some(({ kind, number }) => kind 
 const idle = (state) => state.target === null && !state.activity && !state.question;
 
 // What is shown, as an address names it.
-function hashOf(state, mode) {
+function hashOf(state, { mode, usual }) {
   const named = state.phase === "empty" ? [] : state.address.lesson ? STEPS.slice(0, 1) : STEPS;
   const parts = [...named.map(({ name, shown }) => [name, String(shown(state))]), ["mode", mode]];
-  const found = new URLSearchParams(parts.filter(([name, value]) => value !== DEFAULTS[name]));
+  const defaults = { ...DEFAULTS, mode: usual };
+  const found = new URLSearchParams(parts.filter(([name, value]) => value !== defaults[name]));
   return `#${String(found).replaceAll("%3A", ":").replaceAll("%2C", ",")}`;
 }
 
@@ -157,7 +158,7 @@ function stored(ask) {
   }
 }
 
-const modeIn = (hash) => new URLSearchParams(hash.slice(1)).get("mode") ?? "debug";
+const modeIn = (hash) => new URLSearchParams(hash.slice(1)).get("mode");
 
 // The parts of an address; null where it names nothing.
 function read(hash) {

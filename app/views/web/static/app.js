@@ -14,7 +14,7 @@ import { makePeople } from "./people.js";
 import { offerNumbers } from "./published_numbers.js";
 import { openPublishedView } from "./published_view.js";
 import { openPublished } from "./published_session.js";
-import { published } from "./published.js";
+import { published, site } from "./published.js";
 import { makeQuestion } from "./question.js";
 import { openViewer } from "./rerun.js";
 import { openSaving } from "./save_view.js";
@@ -121,7 +121,7 @@ const panes = openPanes(
   command,
   publishedView ? { View: publishedView.page } : { Controls: at("controls").parentElement },
   (own) => openTab({ own }),
-  published ? {} : { Lesson: at("lesson") },
+  published && !site ? {} : { Lesson: at("lesson") },
 );
 
 // Which of viser's tabs can be seen, for what nobody sees is not drawn.
@@ -131,7 +131,7 @@ function openTab(change) {
 }
 
 const again = () => state && show(state);
-const modes = makeModes(command, () => {
+const modes = makeModes(command, link.answer, () => {
   start.close();
   again();
 });
@@ -145,6 +145,7 @@ openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
 if (published) {
   const run = () => fileName().replace(/-\d+$/, "");
   offerNumbers(
+    () => link.answer("numbers"),
     (isRun) => (isRun ? run() : fileName()),
     () => window.ispom.shown.index,
     (text) => showNotice({ text, kind: "error" }),

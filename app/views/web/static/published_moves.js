@@ -3,9 +3,13 @@
 const MOST_PLOTS = 12;
 const ONLY_FIRST = "This page has the comparisons of its first run with each of the others: choose the first one as A.";
 
+export const branchLayer = (number) => `branch:${number}`;
+export const isBranch = (layer) => layer.startsWith(branchLayer(""));
+
 export const commandsOf = {
   look_at: ({ do: _, ...place }) => place,
-  hide: ({ names }, _, data) => ({ hidden: names.filter((name) => data.paths[name]) }),
+  // Branches are no layers that a person hides: they come with the answers of a lesson.
+  hide: ({ names }, { hidden = [] }, data) => ({ hidden: [...names.filter((name) => data.paths[name]), ...hidden.filter(isBranch)] }),
   plot: ({ name }, { plots }, data) => {
     if (plots.includes(name)) return { plots: plots.filter((each) => each !== name) };
     if (!data.plots.rows[name]) return `“${name.slice(0, 60)}” is no quantity of this run: choose a check, or one of the list`;

@@ -1,15 +1,14 @@
 // "Save this view" of a published page: the CSV files that the server makes, from a table that was published with the run.
-import { load } from "./published.js";
 
-// `name` gives what a file is called, `index` the frame that is shown; `tell` shows a sentence.
-export function offerNumbers(name, index, tell) {
+// `table` loads it, `name` gives what a file is called, `index` the frame that is shown; `tell` shows a sentence.
+export function offerNumbers(table, name, index, tell) {
   for (const link of document.querySelectorAll("#save a[href^='numbers/']")) {
     link.addEventListener("click", async (event) => {
       event.preventDefault();
       const isRun = link.href.endsWith("run");
       try {
-        const table = await load("numbers");
-        keep(csv(isRun ? overTime(table) : ofFrame(table, index())), `${name(isRun)}.csv`);
+        const found = await table();
+        keep(csv(isRun ? overTime(found) : ofFrame(found, index())), `${name(isRun)}.csv`);
       } catch (fault) {
         tell(`The numbers cannot be loaded (${fault.message}).`);
       }

@@ -41,7 +41,7 @@ export function openViewer(send, pick, drawn) {
   viewer.follow = (state) => {
     viewer.state = state;
     viewer.eye.follow(state.stage);
-    if (state.total) viewer.start();
+    if (state.total && state.recorded !== null) viewer.start();
     if (viewer.handle) watch(viewer);
   };
   viewer.picture = () => pictureOf(viewer);
@@ -53,7 +53,7 @@ export function openViewer(send, pick, drawn) {
 // What the viewer shows comes from the server, or from the file of a published page.
 function feed(viewer, send) {
   const news = () => watch(viewer);
-  if (published) return feedPublished(viewer.handle, news, (message) => control(viewer, message), viewer.state.recorded);
+  if (published) return feedPublished(viewer.handle, news, (message) => control(viewer, message));
   return feedLive(viewer.handle, send, news, () => keepStill(viewer));
 }
 
@@ -149,7 +149,7 @@ function bring(viewer) {
   if (!stage || viewer.died) return;
   if (!handle.ready) return died(viewer);
   const id = `Recording:${APPLICATION}:${state.recording_id}`;
-  if (state.index >= 0) stage.want(state.index, !state.playing || !viewer.source);
+  if (state.index >= 0) stage.want(state.index, !state.playing || !viewer.source, state.recorded);
   stage.heard((recording) => serialOf(handle, recording));
   if (stage.fault) return say(stage.fault, true);
   const isShown = stage.shown?.recording === id && serialOf(handle, id) !== null;
