@@ -101,7 +101,6 @@ COMMANDS = Registry(
             B,
             writes=".features.loops.candidate:Court",
         ),
-        Command("target", ".features.calibration.options:PrintTarget", ".features.calibration.target:print_target"),
         Command(
             "evaluate",
             ".features.evaluation.options:Evaluate",
@@ -139,3 +138,5 @@ COMMANDS = Registry(
     ),
 )
 """In the order of the help."""
+MOVED = {"target": "ispom calibrate target"}
+"""Commands of earlier versions, and what does the same now."""

@@ -17,7 +17,7 @@ from ispom.registry import faults
 
 from ..engine.playback import Builder
 from ..engine.signals import INTERRUPTED
-from .commands import COMMANDS
+from .commands import COMMANDS, MOVED
 
 MISUSE, BROKEN_PIPE = 2, 141
 """Exit codes; those after signals as shells give them."""
@@ -34,6 +34,8 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
             return 0
         try:
             name = arguments[0].replace("_", "-")
+            if name in MOVED and name not in COMMANDS.names():
+                raise InputError(f"`ispom {name}` is `{MOVED[name]}` now: write that instead")
             command = COMMANDS.get(name) if name in COMMANDS.names() else _none_of_them(arguments)
             options = command.read(arguments[1:])
         finally:

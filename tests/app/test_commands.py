@@ -8,7 +8,8 @@ import sys
 
 import pytest
 from ispom_app.cli import commands
-from ispom_app.cli.commands import COMMANDS
+from ispom_app.cli.commands import COMMANDS, MOVED
+from ispom_app.cli.main import main
 
 from ispom.registry import named
 
@@ -35,6 +36,15 @@ def test_a_command_has_a_function_that_takes_what_it_is_given(name: str) -> None
     assert command.options_class().__doc__
     if options.annotation != "Serve":  # of several commands
         assert options.annotation == command.options_class().__name__
+
+
+@pytest.mark.parametrize("name", MOVED)
+def test_a_command_that_was_moved_says_where_it_is(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert name not in COMMANDS.names() and MOVED[name].split()[1] in COMMANDS.names()
+    for words in ([name], [name, "--help"], [name, "chessboard:9x6:0.0242"]):
+        assert main(words) == 2
+        out, err = capsys.readouterr()
+        assert not out and err.count("\n") == 1 and MOVED[name] in err
 
 
 def test_the_help_loads_nothing_heavy() -> None:
