@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
 
 def _none_of_them(arguments: Sequence[str]) -> NoReturn:
     """Prints the help of all commands, or what is wrong with the first word, and ends."""
-    classes = {name: command.options_class() for name, command in COMMANDS.items().items()}
+    classes = {name: command.options_class() for name, command in COMMANDS.items().items() if command.listed}
     choices = tuple(Annotated[options, tyro.conf.subcommand(name)] for name, options in classes.items())
     description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
     description += " --version prints which version this is."

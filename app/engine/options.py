@@ -6,17 +6,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, make_dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from ispom.calibration.opening import open_guessed, with_estimated_camera
 from ispom.errors import InputError
+from ispom.io.files import expanded
 from ispom.methods import BUILT_IN, GROUPS, Config, Variant, members, method, names
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.recorded_sensors import AUTO
 from ispom.types import Sequence
+
+from .run_folder.run_folder import is_unfinished
 
 
 def _field(name: str) -> str:
@@ -127,6 +130,27 @@ class Programs:
     external: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """NAME[:video|stereo|video+stereo]=COMMAND: a program of yours as the method NAME, as described in
     docs/reference/external_programs.md; can be given several times. It steps on video by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadsRuns:
+    """Of a command that reads the files of runs: those of a run that was killed are finished first, in
+    `cli/commands.py`, before the command begins."""
+
+    READS: ClassVar[tuple[str, ...]] = ("run",)
+    """The fields that name folders of runs."""
+    repair: bool = False
+    """Where a run was killed, finish its files first, as far as it came. Without this, a person on a terminal is
+    asked, and elsewhere the run is refused."""
+
+    def unfinished(self) -> tuple[Path, ...]:
+        """The folders among those named that hold a run which was killed, or goes on."""
+        return tuple(path for path in self._read() if is_unfinished(path))
+
+    def _read(self) -> tuple[Path, ...]:
+        values = [getattr(self, name) for name in self.READS]
+        named = [each for value in values for each in (value if isinstance(value, tuple) else (value,))]
+        return tuple(dict.fromkeys(expanded(each) for each in named if str(each)))
 
 
 @dataclass(frozen=True, kw_only=True)

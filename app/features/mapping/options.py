@@ -10,13 +10,15 @@ import tyro
 
 from ispom.solvers.trajectory.continuous import Between
 
+from ...engine.options import ReadsRuns
+
 From = Literal["stereo", "video", "both"]
 SIMULATED = "sim"
 """In place of a file: the profiler of a simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Map:
+class Map(ReadsRuns):
     """Makes a dense model of what a run saw: a coloured mesh and a cloud from its stereo pairs, or from one camera's
     video. With --laser, places a laser's points by each method's poses."""
 

@@ -10,11 +10,11 @@ import tyro
 
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 
-from ...engine.options import Programs
+from ...engine.options import Programs, ReadsRuns
 
 
 @dataclass(frozen=True, kw_only=True)
-class Perturb(Programs):
+class Perturb(Programs, ReadsRuns):
     """Predicts what an error of the calibration does to the trajectories of a run, from what the run saw. Without an
     error: what one step of each would do."""
 
