@@ -154,7 +154,23 @@ class ReadsRuns:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SourceOptions:
+class MovedSource:
+    """Of a command that opens the source of a run again."""
+
+    source: str | None = None
+    """Where the run's source is now, if it has been moved."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstFrames:
+    """How much of a source is used."""
+
+    max_exposures: int | None = None
+    """Use only the first N frames of each source."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceOptions(FirstFrames):
     """How a source is opened."""
 
     stereo_every: int = 1
@@ -163,8 +179,6 @@ class SourceOptions:
     """Size of the video images of a stereo recording relative to its left images, up to 1."""
     seed: int = 0
     """Seed of a simulation."""
-    max_exposures: int | None = None
-    """Use only the first N frames."""
     camera: Path | None = None
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file next to them."""
     scale_calibration: bool = False
