@@ -45,7 +45,7 @@ def _wanted(folder: Path) -> bool:
             pass
     except OSError:
         return False
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stderr)):
         raise InputError(
             f"{folder} holds a run that was killed: add --repair, which finishes its files first, as far as it came"
         )
