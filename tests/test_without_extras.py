@@ -44,7 +44,6 @@ WORKS = {
     "schema": ["judge"],
     "shrink": [RUN, "--out", OUT, "--trials", "3"],
     "sources": ["sim:tiny"],
-    "target": ["chessboard:9x6:0.0242", "--out", "{out}/target.pdf"],
     "triage": [RUN, "--out", OUT, "--seconds", "1"],
     "undecided": [*TINY[:3]],
 }

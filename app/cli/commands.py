@@ -10,7 +10,7 @@ import tyro
 
 from ispom.registry import Registry, named
 
-from ..engine.options import with_flags
+from ..engine.options import ReadsRuns, with_flags
 from ..engine.playback import Builder
 
 APP = __name__.partition(".")[0]
@@ -31,6 +31,8 @@ class Command:
 
     writes: str | type | None = None
     """The type of the JSON that it writes, a `msgspec.Struct`; `ispom schema` prints its schema."""
+    listed: bool = True
+    """Whether the list of all commands has it: not where an option of the others does the same."""
 
     def options_class(self) -> Any:
         """Returns the class of its options."""
@@ -46,7 +48,12 @@ class Command:
         return tyro.cli(options, prog=f"ispom {self.name}", args=words)
 
     def execute(self, options: Any, words: Sequence[str], builder: Builder) -> int:
-        """Carries the command out, and returns the exit code."""
+        """Carries the command out, and returns the exit code. Runs that it reads and that were killed are finished
+        first; InputError where they are not."""
+        if isinstance(options, ReadsRuns) and (unfinished := options.unfinished()):
+            from ..features.recording.finishing import finish_first
+
+            finish_first(unfinished, options.repair)
         given = {"words": words, "builder": builder}
         function = named(self.function, APP) if isinstance(self.function, str) else self.function
         return function(options, *(given[need] for need in self.needs))
@@ -101,7 +108,6 @@ COMMANDS = Registry(
             B,
             writes=".features.loops.candidate:Court",
         ),
-        Command("target", ".features.calibration.options:PrintTarget", ".features.calibration.target:print_target"),
         Command(
             "evaluate",
             ".features.evaluation.options:Evaluate",
@@ -132,10 +138,17 @@ COMMANDS = Registry(
             B,
             writes=".features.doctor.written:DoctorFile",
         ),
-        Command("repair", ".features.recording.options:Repair", ".features.recording.repair_command:repair"),
+        Command(
+            "repair",
+            ".features.recording.options:Repair",
+            ".features.recording.repair_command:repair",
+            listed=False,
+        ),
         Command("new-method", ".features.grading.options:NewMethod", ".features.grading.scaffold:new_method"),
         Command("grade", ".features.grading.options:Grade", ".features.grading.command:grade"),
         Command("schema", ".cli.schema:Schema", ".cli.schema:schema"),
     ),
 )
 """In the order of the help."""
+MOVED = {"target": "ispom calibrate target"}
+"""Commands of earlier versions, and what does the same now."""

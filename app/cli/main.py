@@ -17,7 +17,7 @@ from ispom.registry import faults
 
 from ..engine.playback import Builder
 from ..engine.signals import INTERRUPTED
-from .commands import COMMANDS
+from .commands import COMMANDS, MOVED
 
 MISUSE, BROKEN_PIPE = 2, 141
 """Exit codes; those after signals as shells give them."""
@@ -34,6 +34,8 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
             return 0
         try:
             name = arguments[0].replace("_", "-")
+            if name in MOVED and name not in COMMANDS.names():
+                raise InputError(f"`ispom {name}` is `{MOVED[name]}` now: write that instead")
             command = COMMANDS.get(name) if name in COMMANDS.names() else _none_of_them(arguments)
             options = command.read(arguments[1:])
         finally:
@@ -58,7 +60,7 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
 
 def _none_of_them(arguments: Sequence[str]) -> NoReturn:
     """Prints the help of all commands, or what is wrong with the first word, and ends."""
-    classes = {name: command.options_class() for name, command in COMMANDS.items().items()}
+    classes = {name: command.options_class() for name, command in COMMANDS.items().items() if command.listed}
     choices = tuple(Annotated[options, tyro.conf.subcommand(name)] for name, options in classes.items())
     description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
     description += " --version prints which version this is."

@@ -6,17 +6,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, make_dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from ispom.calibration.opening import open_guessed, with_estimated_camera
 from ispom.errors import InputError
+from ispom.io.files import expanded
 from ispom.methods import BUILT_IN, GROUPS, Config, Variant, members, method, names
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.recorded_sensors import AUTO
 from ispom.types import Sequence
+
+from .run_folder.run_folder import is_unfinished
 
 
 def _field(name: str) -> str:
@@ -130,7 +133,44 @@ class Programs:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SourceOptions:
+class ReadsRuns:
+    """Of a command that reads the files of runs: those of a run that was killed are finished first, in
+    `cli/commands.py`, before the command begins."""
+
+    READS: ClassVar[tuple[str, ...]] = ("run",)
+    """The fields that name folders of runs."""
+    repair: bool = False
+    """Where a run was killed, finish its files first, as far as it came. Without this, a person on a terminal is
+    asked, and elsewhere the run is refused."""
+
+    def unfinished(self) -> tuple[Path, ...]:
+        """The folders among those named that hold a run which was killed, or goes on."""
+        return tuple(path for path in self._read() if is_unfinished(path))
+
+    def _read(self) -> tuple[Path, ...]:
+        values = [getattr(self, name) for name in self.READS]
+        named = [each for value in values for each in (value if isinstance(value, tuple) else (value,))]
+        return tuple(dict.fromkeys(expanded(each) for each in named if str(each)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovedSource:
+    """Of a command that opens the source of a run again."""
+
+    source: str | None = None
+    """Where the run's source is now, if it has been moved."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstFrames:
+    """How much of a source is used."""
+
+    max_exposures: int | None = None
+    """Use only the first N frames of each source."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceOptions(FirstFrames):
     """How a source is opened."""
 
     stereo_every: int = 1
@@ -139,8 +179,6 @@ class SourceOptions:
     """Size of the video images of a stereo recording relative to its left images, up to 1."""
     seed: int = 0
     """Seed of a simulation."""
-    max_exposures: int | None = None
-    """Use only the first N frames."""
     camera: Path | None = None
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file next to them."""
     scale_calibration: bool = False

@@ -22,7 +22,8 @@ def pages() -> dict[str, str]:
             parser = tyro.extras.get_parser(command.options_class(), prog=f"ispom {name}")
         own = [action for action in parser._actions if action.dest != "help"]
         words = " ".join((parser.description or "").split())
-        rows.append((f"[`ispom {name}`](command_line/{name}.md)", as_cell(words)))
+        if command.listed:
+            rows.append((f"[`ispom {name}`](command_line/{name}.md)", as_cell(words)))
         places, flags = [a for a in own if not a.option_strings], [a for a in own if a.option_strings]
         text = [f"# `ispom {name}`", as_cell(words), of_command(name, "../../")]
         if places:

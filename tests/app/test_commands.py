@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import re
 import subprocess
 import sys
 
 import pytest
 from ispom_app.cli import commands
-from ispom_app.cli.commands import COMMANDS
+from ispom_app.cli.commands import COMMANDS, MOVED
+from ispom_app.cli.main import main
 
 from ispom.registry import named
 
@@ -37,6 +39,17 @@ def test_a_command_has_a_function_that_takes_what_it_is_given(name: str) -> None
         assert options.annotation == command.options_class().__name__
 
 
+@pytest.mark.parametrize("name", MOVED)
+def test_a_command_that_was_moved_says_where_it_is(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert name not in COMMANDS.names() and MOVED[name].split()[1] in COMMANDS.names()
+    for words in ([name], [name, "--help"], [name, "chessboard:9x6:0.0242"]):
+        assert main(words) == 2
+        out, err = capsys.readouterr()
+        assert not out and err.count("\n") == 1 and MOVED[name] in err
+
+
 def test_the_help_loads_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", CODE], check=True, capture_output=True, text=True)
-    assert all(name in done.stdout for name in COMMANDS.names()) and not done.stderr
+    assert not done.stderr
+    for name, command in COMMANDS.items().items():
+        assert bool(re.search(rf"^[^\w]*{name}\s", done.stdout, re.MULTILINE)) == command.listed, name

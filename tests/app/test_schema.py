@@ -39,6 +39,6 @@ def test_a_real_answer_of_each_is_held_against_it(name: str) -> None:
 
 
 def test_a_command_without_a_schema_is_told_which_have_one(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", "target"]) == 2
+    assert main(["schema", "sources"]) == 2
     said = capsys.readouterr().err
     assert all(name in said for name in WRITING)

@@ -14,10 +14,9 @@ from ispom.io.values import LARGEST, MAX_TIME_S
 from ispom.types import Trajectory
 
 from ..events import Stepped
-from .run_folder import RunFolder
+from .run_folder import JOURNAL, RunFolder
 from .table import GrowingTable, read_table
 
-JOURNAL = "poses.csv"
 MOST_EXPOSURES = 10**9
 _VALUES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 COLUMNS = ("exposure", "method", "frame", "unit_m", "time_ns", *_VALUES)

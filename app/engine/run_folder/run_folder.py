@@ -60,6 +60,10 @@ NOTES = "notes.yaml"
 THUMBNAIL = "thumbnail.jpg"
 LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decisions.csv", "run.rrd"
 EVENTS = "events.csv"
+JOURNAL = "poses.csv"
+"""Of a run that goes on; see journal.py."""
+REPAIRED = "Repaired:"
+"""How the marker begins where a run was killed, and then repaired."""
 
 
 def trajectory_file(method: str) -> str:
@@ -176,6 +180,27 @@ class RunFolder:
 def is_incomplete(path: Path) -> bool:
     """Whether `ispom run` wrote to this folder and did not come to its end. OSError where that cannot be read."""
     return is_signed(path / MARKER, "run")
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether this is the folder of a run that was killed, or that goes on: its files are not what they will be.
+
+    False for anything else, and for what cannot be read.
+    """
+    try:
+        return is_incomplete(path) and any(entry.name.startswith((PART, JOURNAL)) for entry in path.iterdir())
+    except (OSError, ValueError):
+        return False
+
+
+def repaired(path: Path) -> str:
+    """The line about a run that was killed and then repaired: how many of its frames there are. Empty for any other
+    run, and where that cannot be read."""
+    try:
+        line = next(iter(mark_text(path / MARKER).splitlines()), "") if is_incomplete(path) else ""
+    except OSError:
+        return ""
+    return line if line.startswith(REPAIRED) else ""
 
 
 def _require_free(path: Path) -> list[Path]:

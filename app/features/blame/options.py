@@ -8,11 +8,11 @@ from typing import Annotated
 
 import tyro
 
-from ...engine.options import Programs
+from ...engine.options import MovedSource, Programs
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blame(Programs):
+class Blame(Programs, MovedSource):
     """Says what moved the pose of one frame of a run, and by how much: tracks, groups of them, keyframes, priors and
     sensors, each left out of what the method solved there."""
 
@@ -24,7 +24,5 @@ class Blame(Programs):
     """Whose pose; default: the first method of the run that has one at this frame."""
     check: bool = False
     """Also run the frame again without the tracks of each row, from the state before, and show that beside it."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     out: Path | None = None
     """Folder for blame.csv, which has every part."""

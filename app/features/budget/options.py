@@ -10,7 +10,7 @@ import tyro
 
 from ispom.settings import Range
 
-from ...engine.options import Programs
+from ...engine.options import MovedSource, Programs
 
 REPEATS = 3
 """Repetitions with other noise, where a person says nothing else: with two an interval is a quarter wider."""
@@ -18,7 +18,7 @@ MOST_REPEATS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class Budget(Programs):
+class Budget(Programs, MovedSource):
     """Splits the absolute trajectory error of a run by its causes: calibration, clock, noise, outliers, scale and
     initial map. Each is removed in reruns, for which the ground truth says what was wrong; what the shares leave is the
     rest."""
@@ -29,8 +29,6 @@ class Budget(Programs):
     """Only these methods of the run."""
     repeats: Annotated[int, Range(1, MOST_REPEATS)] = REPEATS
     """How often each rerun is repeated with other noise. The intervals come from these."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     json: bool = False
     """Print the budget as JSON."""
     out: Path | None = None

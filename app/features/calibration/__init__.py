@@ -1,1 +1,1 @@
-"""`ispom calibrate` and `ispom target`."""
+"""`ispom calibrate`."""

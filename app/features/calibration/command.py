@@ -32,6 +32,7 @@ from .numbers import JSON_HEAD, failed_text, numbers_text, redo_text
 from .options import Calibrate
 from .report import GENERATOR, page
 from .saved import convert, require_writable, save
+from .target import print_target
 from .words import printed
 
 REDO = 1
@@ -44,6 +45,8 @@ def calibrate(options: Calibrate) -> int:
     """Calibrates, prints and writes; Raises InputError where the images or the target are not as stated."""
     if options.what == "convert":
         return convert(options)
+    if options.what == "target":
+        return print_target(options)
     with terminable() as signals:
         return _calibrate(options, signals)
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import tyro
 
+from ...engine.options import ReadsRuns
+
 
 @dataclass(frozen=True, kw_only=True)
-class Diff:
+class Diff(ReadsRuns):
     """Finds the first frame at which two runs differ, and in what: tracks, checks, poses, landmarks. Measured
     times are not compared. The exit code is 0 where the runs are the same, 1 where they differ."""
 
+    READS: ClassVar[tuple[str, ...]] = ("run_a", "run_b")
     run_a: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
     run_b: tyro.conf.Positional[Path]

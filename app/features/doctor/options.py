@@ -10,14 +10,14 @@ import tyro
 
 from ispom.settings import Range
 
-from ...engine.options import Programs
+from ...engine.options import MovedSource, Programs
 
 FRAMES, SECONDS = 45, 60.0
 """Of an examination, where a person says nothing else."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Doctor(Programs):
+class Doctor(Programs, MovedSource):
     """Says which cause best explains a bad stretch of a run, and what to do about it."""
 
     run: tyro.conf.Positional[Path]
@@ -28,7 +28,5 @@ class Doctor(Programs):
     """Frames of the main camera (video, else stereo) that are examined, most of them before that one."""
     seconds: Annotated[float, Range(1, 3600)] = SECONDS
     """No new suspect is examined after so many seconds."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     out: Path | None = None
     """Folder for doctor.json, with all figures."""

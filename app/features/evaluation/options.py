@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import tyro
 
 from ispom.evaluation.audit.correction import Convention
 from ispom.evaluation.trajectory_error import Alignment
 
+from ...engine.options import ReadsRuns
+
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluate:
+class Evaluate(ReadsRuns):
     """Compares trajectories with a reference: ATE, RPE, KITTI's errors, scale and coverage, with their protocol."""
 
+    READS: ClassVar[tuple[str, ...]] = ("reference", "estimates")
     reference: tyro.conf.Positional[Path]
     """Reference trajectory: a file of poses of any known program (TUM, KITTI, EuRoC, COLMAP, nerfstudio, OpenVINS,
     g2o, tables with a header, JSON, bags as BAG:TOPIC ...), recognised by its content."""
@@ -71,3 +74,7 @@ class Evaluate:
     with the median."""
     plot_format: Literal["png", "svg"] = "png"
     """Format of the plots."""
+
+    def _read(self) -> tuple[Path, ...]:
+        """Folders of the files that are missing: a run that was killed has no trajectories yet."""
+        return tuple(dict.fromkeys(path.parent for path in super()._read() if not path.is_file()))

@@ -25,9 +25,6 @@ from ispom.child import PYTHON, Child
 from ispom.errors import InputError
 from ispom.stop import check_stop
 
-from .execute import execute
-from .plan import Plan, Run
-from .row import Row
 from .worker import LOCAL, OUT_OF_MEMORY, without_pages
 
 COMMAND = [*PYTHON, "-m", __name__.rpartition(".")[0] + ".worker"]
@@ -113,8 +110,6 @@ ANSWER_S = 20.0
 """A cluster that has not answered within this time is not there."""
 LOOK_S = 0.3
 """Between two looks at whether the workers live."""
-Task = Callable[[Plan, Run, Path, bool], Row]
-"""As `execute`."""
 
 
 class Piece(Protocol):
@@ -134,20 +129,6 @@ D = TypeVar("D")
 
 def installed() -> bool:
     return all(find_spec(name) for name in ("distributed", "cryptography"))
-
-
-def rows(
-    plan: Plan,
-    runs: Sequence[Run],
-    out: Path,
-    recording: bool,
-    workers: int,
-    memory_gb: float,
-    scheduler: str | None = None,
-    task: Task = execute,
-) -> Generator[Row, None, None]:
-    """As they are completed. InputError where the cluster does not answer."""
-    return parallel(plan, runs, out, recording, workers, memory_gb, scheduler, task, Row)
 
 
 def parallel(

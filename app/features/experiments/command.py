@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import msgspec
 import yaml
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ispom.ensemble import build
 from ispom.errors import InputError, counted, printable
 from ispom.io.files import exists
 from ispom.io.rows import read_text
-from ispom.io.whole import require_no_links, write_whole
+from ispom.io.whole import write_whole
 
 from ...engine import warmup
 from ...engine.outputs import claim_folder
@@ -28,16 +25,16 @@ from ...engine.run_folder.run_folder import locked
 from ...engine.signals import terminable
 from ..headless.console import Progress as OfRun
 from ..headless.console import silent, wait_for_compiler
-from . import cluster
-from .execute import execute_in_order, finished_before, missing
+from .execute import execute, finished_before, missing
 from .faults import FAULTS, faults
-from .options import Experiment, Parallel, Runs
+from .jobs import Jobs, part, shown, take_all, whole, workers_of
+from .options import Experiment, Runs
 from .page import PAGE, write_output
 from .plan import Plan, Run, config_of
 from .plan_file import read_plan
 from .results import by_plan
 from .row import Row
-from .shards import MISSING, Shard, failures, report_text, retried, running, shard_of
+from .shards import MISSING, Shard, failures, report_text, retried, shard_of
 from .statistics import Outcome
 
 COMMAND, PLAN = "experiment", "plan.yaml"
@@ -81,10 +78,7 @@ def _shard(options: Experiment, plan: Plan, shard: Shard, builder: Builder) -> i
         raise InputError("--shard computes a part, --merge tables all parts: give one of them")
     workers = workers_of(options, 0)
     retried(lambda: _claim(options.out, plan))
-    report = options.out / shard.file
-    report.parent.mkdir(exist_ok=True)
-    require_no_links(options.out, report)
-    with locked(report):
+    with part(options.out, shard) as report:
         return _part(options, plan, shard, report, workers, builder)
 
 
@@ -94,12 +88,11 @@ def _part(options: Experiment, plan: Plan, shard: Shard, report: Path, workers: 
     done_before = {row.run for row in before}
     left, rows = [run for run in runs if run not in done_before], before
     _say_missing(plan, left)
+    terminal, known = Terminal(), len(before)
     with terminable() as signals:
         _compile(left)
-        with closing(_scheduled(plan, left, options, workers, builder, Terminal())) as done:
-            for row in shown(done, len(runs), len(before)):
-                rows.append(row)
-                signals.check()
+        done = _jobs(plan, left, options).computed(options, workers, _here(plan, options, builder, terminal))
+        take_all(done, lambda found: terminal.rows(found, len(runs), known), rows.append, signals)
     rows = by_plan(plan, rows)
     write_whole(report, report_text(rows))
     failed = [row for row in rows if row.failure is not None]
@@ -141,9 +134,7 @@ def completed(
     """
     workers = workers_of(options)
     claim_folder(options.out, COMMAND)
-    with locked(options.out):
-        if not merge and (part := running(options.out)) is not None:
-            raise InputError(f"{options.out}: shard {part} is being computed: wait for its end, or give --merge")
+    with locked(options.out) if merge else whole(options.out, ", or give --merge"):
         return _completed(options, plan, workers, builder, watcher, merge)
 
 
@@ -163,35 +154,21 @@ def _completed(
     with terminable() as signals:
         _compile(left)
         try:
-            with closing(_scheduled(plan, left, options, workers, builder, watcher)) as done:
-                for row in watcher.rows(done, len(runs), len(before)):
-                    rows.append(row)
-                    signals.check()
+            done = _jobs(plan, left, options).computed(options, workers, _here(plan, options, builder, watcher))
+            take_all(done, lambda found: watcher.rows(found, len(runs), len(before)), rows.append, signals)
         finally:
             signals.hold()
             outcomes = write_output(options.out, plan, by_plan(plan, rows))
     return rows, outcomes
 
 
-def workers_of(options: Parallel, default: int | None = None) -> int:
-    """0: in this process. Without a `default`, one for each core where Dask is installed."""
-    if options.workers is not None and not 0 <= options.workers <= 1024:
-        raise InputError(f"--workers is {options.workers}, give a value from 0 to 1024")
-    if not 0.5 <= options.memory_gb <= 4096:
-        raise InputError(f"--memory-gb is {options.memory_gb:g}, give a value from 0.5 to 4096")
-    if options.workers is not None:
-        return options.workers
-    if default is not None:
-        return default
-    return (os.cpu_count() or 1) if cluster.installed() else 0
+def _jobs(plan: Plan, left: Sequence[Run], options: Runs) -> Jobs[Plan, Run, Row]:
+    return Jobs(plan, left, options.out, execute, Row, options.recordings)
 
 
-def _scheduled(
-    plan: Plan, runs: Sequence[Run], options: Runs, workers: int, builder: Builder, watcher: Watcher
-) -> Generator[Row, None, None]:
-    if not runs or (options.scheduler is None and workers == 0):
-        return execute_in_order(plan, runs, options.out, options.recordings, builder, watcher.of_run)
-    return cluster.rows(plan, runs, options.out, options.recordings, workers, options.memory_gb, options.scheduler)
+def _here(plan: Plan, options: Runs, builder: Builder, watcher: Watcher) -> Callable[[Run], Row]:
+    """What computes a run in this process."""
+    return lambda run: execute(plan, run, options.out, options.recordings, builder, watcher.of_run(run))
 
 
 class Watcher(Protocol):
@@ -214,31 +191,3 @@ class Terminal:
 
     def of_run(self, run: Run) -> OfRun:
         return silent
-
-
-class Ended(Protocol):
-    """What is said of a run that is over."""
-
-    @property
-    def run(self) -> object: ...
-
-    @property
-    def failure(self) -> str | None: ...
-
-
-E = TypeVar("E", bound=Ended)
-
-
-def shown(rows: Iterable[E], total: int, before: int) -> Iterator[E]:
-    """The same rows; on standard error a line for each, and on a terminal a bar below them with the time left."""
-    console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
-    if before:
-        console.print(f"{before} of {total} runs were done before")
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("runs,"), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, TextColumn("left"), console=console, disable=not console.is_terminal) as bar:
-        task, done = bar.add_task("", total=total - before), before
-        for row in rows:
-            done += 1
-            bar.update(task, advance=1)
-            console.print(f"[{done}/{total}] {row.run}{'' if row.failure is None else f': failed: {row.failure}'}")
-            yield row

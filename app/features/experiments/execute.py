@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -78,19 +78,6 @@ def finished_before(plan: Plan, run: Run, out: Path) -> Row | None:
         was = written.versions.get(other, "none")
         raise InputError(f"{folder} was computed with {other} {was}, now it is {now[other]}: give a new --out")
     return row
-
-
-def execute_in_order(
-    plan: Plan,
-    runs: Iterable[Run],
-    out: Path,
-    recording: bool,
-    builder: Builder = build,
-    progress_of: Callable[[Run], Progress] = lambda _: silent,
-) -> Generator[Row, None, None]:
-    """Executes the runs in this process, one after the other; `progress_of` of each gets its frames."""
-    for run in runs:
-        yield execute(plan, run, out, recording, builder, progress_of(run))
 
 
 def missing(plan: Plan, runs: Iterable[Run]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The options of `ispom experiment`."""
+"""The options of `ispom experiment`, and those that it shares with `ispom gate` and `ispom triage`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from ...engine.options import Name
+from ...engine.options import FirstFrames, Name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,16 @@ class Parallel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Runs(Parallel):
+class Sharded(Parallel):
+    """Which of the runs of a command are computed."""
+
+    shard: str | None = None
+    """K/N computes only every N-th run, from the K-th on, such as 3/40 in an array job, and writes neither tables nor a
+    page. The command without it writes them of all runs in the folder, and computes those that are missing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Runs(Parallel, FirstFrames):
     """The runs of a plan, and where they are computed: of `ispom experiment` and `ispom gate`."""
 
     plan: tyro.conf.Positional[str]
@@ -39,14 +48,12 @@ class Runs(Parallel):
     """Sources instead of the plan's, such as sim:tiny."""
     seeds: str | None = None
     """Seeds instead of the plan's, such as 0-9 or 3,5,8."""
-    max_exposures: int | None = None
-    """Use only the first N frames of each source."""
     recordings: bool = False
     """Write run.rrd of each run, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment(Runs):
+class Experiment(Runs, Sharded):
     """Runs sources x methods x settings x seeds, and writes tables, figures and a page with medians and spreads. The
     same command continues where an earlier one was stopped."""
 
@@ -54,9 +61,6 @@ class Experiment(Runs):
     """fig8, fig9, table1, table2, table3, table4 (of the paper), speed (CPU time and memory beside errors), a YAML file
     as in docs/howto/experiment.md, or faults: known faults are put onto the sources, and a table says what methods and
     doctor make of them."""
-    shard: str | None = None
-    """K/N computes only every N-th run, from the K-th on, such as 3/40 in an array job: nothing is tabled. The command
-    without it merges: it tables all runs in the folder, and computes those that are missing."""
     merge: bool = False
     """Compute nothing: table the runs that are in the folder, a missing one as a failed row."""
     fault: tyro.conf.UseAppendAction[tuple[str, ...]] = ()

@@ -8,11 +8,11 @@ from typing import Literal
 
 import tyro
 
-from ...engine.options import Name, Programs
+from ...engine.options import Name, Programs, ReadsRuns
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export(Programs):
+class Export(Programs, ReadsRuns):
     """Converts a run for other tools: trajectories, point clouds, models of COLMAP and
     nerfstudio, MCAP, calibrations."""
 

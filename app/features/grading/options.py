@@ -7,9 +7,11 @@ from pathlib import Path
 
 import tyro
 
+from ...engine.options import FirstFrames
+
 
 @dataclass(frozen=True, kw_only=True)
-class Grade:
+class Grade(FirstFrames):
     """Runs a package's method on hidden seeds of the simulator. Gives points per stage: tracking, two-view geometry,
     triangulation, resection and scale. The package's code runs in a process of its own, which gets images, times and
     calibration only. It runs with your rights: grade in a container what you do not trust."""
@@ -27,8 +29,6 @@ class Grade:
     source: str = "sim:tiny?fault=dropped:share=0.5,from_s=1.5"
     """Simulation without a seed. Half of the frames of the default one's second half are missing: a method whose
     motions are all of one length loses the scale there."""
-    max_exposures: int | None = None
-    """Use only the first N frames of each run."""
     contract: bool = True
     """Check the contract of estimators first (ispom.testing.check_estimator); it has no points."""
     seconds: float = 600.0

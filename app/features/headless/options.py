@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from ...engine.options import Name, Options, Programs, Settings
+from ...engine.options import MovedSource, Name, Options, Programs, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Run(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fork(Programs):
+class Fork(Programs, MovedSource):
     """Repeats a run up to a frame, and goes on from there with other settings or methods."""
 
     run: tyro.conf.Positional[Path]
@@ -39,8 +39,6 @@ class Fork(Programs):
     """First frame with the given settings, counted from 0 as in the page and in steps.csv."""
     methods: tuple[Name, ...] = ()
     """Methods from there on; default: those of the run. A method that did not run before starts there."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     out: Path | None = None
     """Folder to write to; without it, a new one below recordings/."""
     recording: bool = True

@@ -10,18 +10,16 @@ import tyro
 
 from ispom.settings import Range
 
-from ...engine.options import Options
+from ...engine.options import MovedSource, Options
 
 
 @dataclass(frozen=True, kw_only=True)
-class Loops(Options):
+class Loops(Options, MovedSource):
     """Lists every candidate of a loop closure, a join of segments or a relocalisation, with the rule that decided,
     and says what would have come of the opposite decision."""
 
     run: tyro.conf.Positional[str]
     """Folder that `ispom run` wrote, which is run again with its own settings; or any source, as for `ispom run`."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     what_if: Annotated[tuple[str, ...], tyro.conf.arg(metavar="[FIRST-THEN[,FIRST-THEN...] ...]")] = ()
     """Run again from the frame before, with the opposite decision about this candidate, or about these together: their
     frames, counted from 0, as the list has them."""

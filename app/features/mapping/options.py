@@ -10,13 +10,15 @@ import tyro
 
 from ispom.solvers.trajectory.continuous import Between
 
+from ...engine.options import MovedSource, ReadsRuns
+
 From = Literal["stereo", "video", "both"]
 SIMULATED = "sim"
 """In place of a file: the profiler of a simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Map:
+class Map(ReadsRuns, MovedSource):
     """Makes a dense model of what a run saw: a coloured mesh and a cloud from its stereo pairs, or from one camera's
     video. With --laser, places a laser's points by each method's poses."""
 
@@ -46,7 +48,5 @@ class Map:
     Without a pair, a quarter of the near depth stands for the baseline."""
     memory_gb: float = 4.0
     """Most that voxels may take [GB]."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     out: Path | None = None
     """Folder to write to; without it, map in the run's."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import tyro
 
@@ -15,7 +15,7 @@ from ispom.sequences.address import without_secrets
 from ispom.sequences.policy import SourcePolicy
 from ispom.types import Sequence
 
-from ...engine.options import Options, SourceOptions
+from ...engine.options import Options, ReadsRuns, SourceOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,9 +81,10 @@ class Demo(Serve):
 
 
 @dataclass(frozen=True, kw_only=True)
-class App(Serve):
+class App(Serve, ReadsRuns):
     """Opens the app: on its start screen, or on a source, or on a run or a recording that is over."""
 
+    READS: ClassVar[tuple[str, ...]] = ("source",)
     source: tyro.conf.Positional[str] = ""
     """Without one, choose in the page.
     sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, a sequence.yaml, or a live

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import tyro
 
-from ...engine.options import Programs
+from ...engine.options import Programs, ReadsRuns
 
 
 @dataclass(frozen=True, kw_only=True)
-class Publish(Programs):
+class Publish(Programs, ReadsRuns):
     """Writes finished runs, the lessons or ways to fail as a folder that any web server shows without Python."""
 
+    READS: ClassVar[tuple[str, ...]] = ("runs",)
     runs: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Folders that `ispom run` wrote. The first is shown; further ones on the same source are compared with it.
     With --lessons: names of lessons, or Markdown files of your own; none means all that come with ISPOM."""

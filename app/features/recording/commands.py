@@ -47,7 +47,7 @@ class StopRecording(Command, frozen=True):
 
 
 class RepairRecordings(Command, frozen=True):
-    """Finish the recordings that a stopped app left unfinished: they get their index, and their name."""
+    """Finish the recordings and runs that a stopped program left unfinished, as far as they came."""
 
     def execute(self, session: Controller) -> None:
         session.service(RecordingService).repair()

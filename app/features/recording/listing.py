@@ -17,7 +17,7 @@ from ispom.io.whole import part_of, replace_whole
 
 from ...engine.events import Bookmark, Opened
 from ...engine.run_folder.run_file import RunFile, read_run_file
-from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL
+from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL, repaired
 from ...engine.run_folder.thumbnail import thumbnail
 from ...session.sources.folders import run_name
 from ...session.state import State
@@ -85,8 +85,8 @@ def list_recordings(folder: Path) -> tuple[ListedRun, ...]:
 
 
 def _ended(run: Path) -> bool:
-    """Whether it came to its end, or has a finished recording of how far it came."""
-    return (run / RECORDING).exists() or not (run / MARKER).exists()
+    """Whether it came to its end, or has a finished recording of how far it came, or was repaired."""
+    return (run / RECORDING).exists() or not (run / MARKER).exists() or bool(repaired(run))
 
 
 def _run(folder: Path, path: Path) -> ListedRun:

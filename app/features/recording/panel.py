@@ -30,9 +30,9 @@ class RecordPanel:
         self._button = gui.add_button(START, icon=viser.Icon.PLAYER_RECORD, color="red", hint=RECORD)
         self._button.on_click(self._clicked)
         self._repair = gui.add_button(
-            "Repair unfinished recordings",
+            "Repair unfinished recordings and runs",
             visible=bool(session.state[Recordings].unfinished),
-            hint="An app that was stopped left them without an index: they become readable up to where it came.",
+            hint="A program that was stopped left them without an end: they become readable up to where it came.",
         )
         self._repair.on_click(lambda _: session.post(RepairRecordings()))
         self._text = gui.add_html(_text(session.state))

@@ -11,12 +11,14 @@ from ispom.io.trajectories import read_tum, tum_text
 from ispom.stop import check_stop
 from ispom.types import Rig, Trajectory
 
-from ...engine.run_folder.journal import JOURNAL, Journal, read_journal
+from ...engine.run_folder.journal import Journal, read_journal
 from ...engine.run_folder.results import Results, in_frame, metrics_text
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import (
     DECISIONS,
+    JOURNAL,
     METRICS,
+    REPAIRED,
     RIG,
     RUN,
     STEPS,
@@ -50,7 +52,7 @@ def _repair(folder: Path) -> int:
         if (folder / RUN).exists() and not is_incomplete(folder):
             lines, problems = [f"{folder} holds a complete run: nothing to repair"], []
         else:
-            lines, problems = _repair_run(folder) if is_incomplete(folder) else _repair_recordings(folder)
+            lines, problems = repair_run(folder) if is_incomplete(folder) else _repair_recordings(folder)
     except OSError as error:
         raise InputError(f"{folder} cannot be repaired ({error.strerror}): see to its permissions") from None
     sys.stdout.write("".join(f"{printable(line)}\n" for line in lines or [f"{folder}: nothing to repair"]))
@@ -80,14 +82,15 @@ def _repair_recordings(folder: Path) -> Found:
     for inner in sorted(path for path in folder.iterdir() if path.is_dir() and is_incomplete(path)):
         check_stop()
         try:
-            done, failed = _repair_run(inner)
+            done, failed = repair_run(inner)
         except InputError as problem:
             done, failed = [], [str(problem)]
         lines, problems = lines + done, problems + failed
     return lines, problems
 
 
-def _repair_run(path: Path) -> Found:
+def repair_run(path: Path) -> Found:
+    """Finishes the files of one run, as far as it came. Raises InputError where another process writes to it."""
     with RunFolder.reopened(path) as folder:
         lines, problems = _finish_recordings(path)
         for name in (STEPS, DECISIONS):
@@ -120,7 +123,7 @@ def _write_results(folder: RunFolder) -> list[str]:
         lines.append(f"{path / METRICS}: of these poses")
     if folder.problem is None:
         total = sum(count for count in run.exposures.values() if isinstance(count, int))
-        folder.failed(f"Repaired: {journal.exposures} of {total} frames. {folder.reason}")
+        folder.failed(f"{REPAIRED} {journal.exposures} of {total} frames. {folder.reason}")
         kept.unlink()
     return lines
 

@@ -11,7 +11,7 @@ from ispom.errors import InputError
 from ispom.io.whole import whole_of
 
 from ...engine.events import Stepped
-from ...engine.run_folder.run_folder import is_locked
+from ...engine.run_folder.run_folder import is_locked, is_unfinished
 from ...session.branches.state import Branches
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
@@ -22,6 +22,7 @@ from ..bookmarks.notes import notes_of, put
 from ..bookmarks.service import Bookmarks
 from ..layers.state import Layers
 from .listing import list_recordings
+from .repair_command import repair_run
 from .state import Recordings
 from .writers import Writers
 
@@ -37,7 +38,7 @@ class Repairs:
         self._problems: list[str] = []
 
     def found(self) -> tuple[str, ...]:
-        """Names of the unfinished recordings that nobody is writing; none where the folder cannot be read."""
+        """Names of the unfinished recordings and runs that nobody is writing; none where the folder cannot be read."""
         try:
             return tuple(path.name for path in self._left())
         except OSError as fault:
@@ -66,18 +67,31 @@ class Repairs:
         if not self._folder.is_dir():
             return []
         hidden = [path for path in unfinished(self._folder) if path != whole_of(path)]
-        return [path for path in hidden if not is_locked(whole_of(path))]
+        found = [path for path in hidden if not is_locked(whole_of(path))]
+        runs = [path for path in sorted(self._folder.iterdir()) if is_unfinished(path)]
+        return [*found, *(path for path in runs if not is_locked(path))]
 
     def _run(self) -> None:
         try:
             for path in self._left():
                 try:
-                    finish(path)
+                    self._problems += _finished(path)
                 except InputError as problem:
                     self._problems.append(str(problem))
         except Exception as fault:
             log.exception("repairing recordings failed")
             self._problems.append(f"internal fault, please report it: {type(fault).__name__}: {fault}")
+
+
+def _finished(path: Path) -> list[str]:
+    """Finishes a recording or the folder of a run, and returns what could not be: a sentence each."""
+    if not path.is_dir():
+        finish(path)
+        return []
+    try:
+        return repair_run(path)[1]
+    except OSError as error:
+        return [f"{path} cannot be repaired ({error.strerror}): see to its permissions"]
 
 
 CLOSE_S = 1.0
@@ -154,7 +168,7 @@ class RecordingService(Service):
         self.show()
 
     def repair(self) -> None:
-        """Makes unfinished recordings readable, in a thread of its own."""
+        """Makes unfinished recordings and runs readable, in a thread of its own."""
         self._repairs.start()
 
     def show(self) -> None:

@@ -45,7 +45,7 @@ class Recordings(FeatureState):
     listed: tuple[ListedRun, ...] = ()
     """The finished runs and recordings of the folder, newest first."""
     unfinished: tuple[str, ...] = ()
-    """Recordings that a stopped app left unfinished; none that is being written."""
+    """Recordings, and folders of runs, that a stopped program left unfinished; none that is being written."""
 
     def reduce(self, event: object) -> Recordings:
         return self  # also over another source

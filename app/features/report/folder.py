@@ -23,7 +23,7 @@ from ispom.types import Rig, Trajectory
 from ...engine.run_events.event import RunEvent
 from ...engine.run_events.table import read_events
 from ...engine.run_folder.run_file import read_run_file
-from ...engine.run_folder.run_folder import DECISIONS, EVENTS, MARKER, STEPS
+from ...engine.run_folder.run_folder import DECISIONS, EVENTS, MARKER, STEPS, repaired
 from .steps import DecisionRow, Steps, read_steps
 
 HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
@@ -68,9 +68,11 @@ class Run:
 
 
 def read_run(path: Path, label: str) -> Run:
-    """InputError where the folder holds no run, one that is not complete, or files that are not as written."""
+    """InputError where the folder holds no run, one that is not complete and was not repaired, or files that are not as
+    written. What a repair says of a run is among the notes of its manifest."""
     found = read_run_file(path)
-    if exists(path / MARKER):
+    said = repaired(path)
+    if exists(path / MARKER) and not said:
         why = read_text(path / MARKER).strip().splitlines()
         raise InputError(
             f"{path} holds a run that is not complete ({why[0] if why else 'no reason given'}): run it again"
@@ -82,7 +84,7 @@ def read_run(path: Path, label: str) -> Run:
     return Run(
         path,
         label,
-        asdict(found),
+        {**asdict(found), "notes": [*found.notes, *filter(None, [said])]},
         metrics,
         length,
         read_rig(path / "rig.yaml"),

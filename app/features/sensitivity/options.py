@@ -10,11 +10,11 @@ import tyro
 
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 
-from ...engine.options import Programs
+from ...engine.options import MovedSource, Programs, ReadsRuns
 
 
 @dataclass(frozen=True, kw_only=True)
-class Perturb(Programs):
+class Perturb(Programs, ReadsRuns, MovedSource):
     """Predicts what an error of the calibration does to the trajectories of a run, from what the run saw. Without an
     error: what one step of each would do."""
 
@@ -23,7 +23,5 @@ class Perturb(Programs):
     wrong: Annotated[Perturbation, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Perturbation)
     rerun: bool = False
     """Run again with the wrong calibration, and show that together with the prediction."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     out: Path | None = None
     """Folder for the predicted trajectories (and those of the rerun), the perturbed rig.yaml, and all numbers."""

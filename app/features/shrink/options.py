@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from ...engine.options import Options
+from ...engine.options import MovedSource, Options
 
 TRIALS = 200
 """Each of 30 frames that are all needed takes two trials, and what comes before that takes some 30."""
@@ -17,7 +17,7 @@ a few are less than a person would call another failure."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shrink(Options):
+class Shrink(Options, MovedSource):
     """Finds the smallest clip in which a failure remains, and writes it as a folder for an issue of any program:
     recording, command and expected event. Drops methods and cameras, and bisects end, begin, frame rate and size.
 
@@ -31,8 +31,6 @@ class Shrink(Options):
     """Row of the event in events.csv, from 0. Default: the first warning or loss."""
     kind: str | None = None
     """Instead of --event: the first event of this kind, such as lost, scale, pair or segment."""
-    source: str | None = None
-    """Where the run's source is now, if it has been moved."""
     out: Path = Path("shrunk")
     """Folder to write to: new or empty."""
     zip: bool = False

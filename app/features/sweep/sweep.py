@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import Any
 
 from ...engine.options import SourceOptions
 from ...session.state import FeatureState, State
+from ..experiments.cluster import installed
 from .values import Swept, Value, shown
 
 SURE_S = 1.0
@@ -81,8 +81,7 @@ class Sweep:
 def workers(values: int) -> int:
     """Runs at a time; 0: one after the other. A core is left to the page."""
     cores = (os.cpu_count() or 1) - 1
-    dask = all(find_spec(name) for name in ("distributed", "cryptography"))
-    return min(values, cores) if dask and cores > 1 else 0
+    return min(values, cores) if installed() and cores > 1 else 0
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Generator, Sequence
-from contextlib import closing
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -21,11 +20,9 @@ from ...engine import warmup
 from ...engine.outputs import claim_folder, json_text
 from ...engine.playback import Builder
 from ...engine.run_folder.run_file import versions
-from ...engine.run_folder.run_folder import locked
 from ...engine.signals import terminable
-from ..experiments import cluster
-from ..experiments.command import shown, workers_of
-from ..experiments.shards import Shard, retried, running, shard_of
+from ..experiments.jobs import Jobs, part, shown, take_all, whole, workers_of
+from ..experiments.shards import Shard, retried, shard_of
 from ..headless.console import compile_first
 from .clips import COMMAND, Clip, clips_in
 from .execute import Done, Order, execute, failed, unopened
@@ -56,9 +53,7 @@ def triage(options: Triage, builder: Builder = build) -> int:
     retried(lambda: _claim(out, order))
     if shard is not None:
         return _part(options, order, clips, shard, workers, builder)
-    with locked(out):
-        if (part := running(out)) is not None:
-            raise InputError(f"{out}: shard {part} is being computed: wait for its end")
+    with whole(out):
         rows = _completed(options, order, clips, workers, builder)
         write_output(out, folder, clips, rows)
     _print(out, clips, rows)
@@ -67,11 +62,8 @@ def triage(options: Triage, builder: Builder = build) -> int:
 
 def _part(options: Triage, order: Order, clips: Sequence[Clip], shard: Shard, workers: int, builder: Builder) -> int:
     """Computes a part of the clips."""
-    report = options.out / shard.file
-    report.parent.mkdir(exist_ok=True)
-    require_no_links(options.out, report)
     own = shard.of(clips)
-    with locked(report):
+    with part(options.out, shard) as report:
         rows = _completed(options, order, own, workers, builder)
         write_whole(report, json_text({"runs": [clip.folder.as_posix() for clip in own], "failures": {}}, 1))
     said = summary(rows) if rows else counted(0, "clip")
@@ -86,26 +78,19 @@ def _completed(options: Triage, order: Order, clips: Sequence[Clip], workers: in
     before = {clip for clip, row in found.items() if row is not None and row.group != Group.UNOPENED}
     left = [clip for clip in clips if clip not in before]
     failures: dict[Clip, str] = {}
+
+    def take(done: Done) -> None:
+        if done.failure is not None:
+            failures[done.run] = done.failure
+
     with terminable() as signals:
         if any(not (clip.problem or clip.is_run) for clip in left):
             compile_first(members(order.methods) or warmup.DEFAULT, Config())
-        with closing(_scheduled(options, order, left, workers, builder)) as done:
-            for each in shown(done, len(clips), len(before)):
-                if each.failure is not None:
-                    failures[each.run] = each.failure
-                signals.check()
+        jobs = Jobs(order, left, options.out, execute, failed)
+        done = jobs.computed(options, workers, lambda clip: execute(order, clip, options.out, builder=builder))
+        take_all(done, lambda found: shown(found, len(clips), len(before)), take, signals)
     rows = [(clip, read_row(options.out, clip)) for clip in clips]
     return [row or unopened(clip, failures.get(clip, "it was changed meanwhile: run again")) for clip, row in rows]
-
-
-def _scheduled(
-    options: Triage, order: Order, clips: Sequence[Clip], workers: int, builder: Builder
-) -> Generator[Done, None, None]:
-    if not clips or (options.scheduler is None and workers == 0):
-        return (execute(order, clip, options.out, builder=builder) for clip in clips)
-    return cluster.parallel(
-        order, clips, options.out, False, workers, options.memory_gb, options.scheduler, execute, failed
-    )
 
 
 def _claim(out: Path, order: Order) -> None:

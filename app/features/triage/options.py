@@ -10,13 +10,13 @@ import tyro
 
 from ispom.settings import Range
 
-from ...engine.options import Name
+from ...engine.options import FirstFrames, Name
 from ..doctor.options import SECONDS
-from ..experiments.options import Parallel
+from ..experiments.options import Sharded
 
 
 @dataclass(frozen=True, kw_only=True)
-class Triage(Parallel):
+class Triage(Sharded, FirstFrames):
     """Runs and diagnoses every clip of a folder, and writes one page: which are fine, lost, without a map or
     suspicious, why, and what to do. The same command continues where an earlier one was stopped.
 
@@ -28,12 +28,7 @@ class Triage(Parallel):
     """Folder to write to: new, empty, or that of an earlier triage to go on with."""
     methods: tuple[Name, ...] = ()
     """Methods to run. Default: all default ones that a clip has the cameras for."""
-    max_exposures: int | None = None
-    """Use only the first N frames of each clip."""
     doctor: bool = True
     """Look for the cause where something went wrong, and for wrong calibrations where nothing did."""
     seconds: Annotated[float, Range(1, 3600)] = SECONDS
     """Of a clip no new suspect is examined after so many seconds."""
-    shard: str | None = None
-    """K/N computes only every N-th clip, from the K-th on, such as 3/40 in an array job, and writes no page. The
-    command without it computes what is missing, and writes the page."""

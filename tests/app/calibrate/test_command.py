@@ -1,4 +1,4 @@
-"""`ispom calibrate` and `ispom target` from the command line: simulated images, real ones, and mistakes."""
+"""`ispom calibrate` from the command line: simulated images, real ones, and mistakes."""
 
 from __future__ import annotations
 
@@ -104,12 +104,28 @@ def test_a_folder_of_one_film_is_that_film(tmp_path: Path) -> None:
 
 
 def test_a_target_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["target", "aprilgrid:6x6:0.03:0.3", "--out", str(tmp_path / "t.pdf")]) == 0
+    words = ["calibrate", "target"]
+    assert main([*words, "aprilgrid:6x6:0.03:0.3", "--out", str(tmp_path / "t.pdf")]) == 0
     assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF")
-    assert main(["target", SPEC, "--out", str(tmp_path / "t.svg")]) == 0
-    assert main(["target", SPEC, "--out", str(tmp_path / "t.png")]) == 2
-    assert main(["target", "chessboard:9x6:2", "--out", str(tmp_path / "u.pdf")]) == 2
+    assert main([*words, SPEC, "--out", str(tmp_path / "t.svg")]) == 0
+    assert main([*words, SPEC, "--out", str(tmp_path / "t.png")]) == 2
+    assert main([*words, "chessboard:9x6:2", "--out", str(tmp_path / "u.pdf")]) == 2
     assert "sizes are in metres" in capsys.readouterr().err
+
+
+def test_a_target_is_target_pdf_where_nothing_else_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["calibrate", "target", SPEC]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["target.pdf"]
+
+
+@pytest.mark.parametrize("more", [[], [SPEC, SPEC], [SPEC, "--target", SPEC], [SPEC, "--from-motion"]])
+def test_one_target_is_printed_and_nothing_is_solved(
+    more: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["calibrate", "target", *more]) == 2
+    assert capsys.readouterr().err.count("\n") == 1 and not list(tmp_path.iterdir())
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data/calibration is not there")

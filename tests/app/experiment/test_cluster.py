@@ -14,7 +14,9 @@ import yaml
 from ispom_app.cli.main import main
 from ispom_app.features.experiments import cluster
 from ispom_app.features.experiments.cluster import ATTEMPTS
+from ispom_app.features.experiments.execute import execute
 from ispom_app.features.experiments.results import TIMES, by_plan
+from ispom_app.features.experiments.row import Row
 
 from ispom.child import Child
 from ispom.errors import InputError
@@ -23,7 +25,7 @@ from tests.app.experiment import made
 
 def rows(out: Path, task: Callable, count: int = 2, **changes):
     plan = made.plan(**({"seeds": (0, 1)} | changes))
-    found = list(cluster.rows(plan, list(plan.runs()), out, False, count, 1.0, task=task))
+    found = list(cluster.parallel(plan, list(plan.runs()), out, False, count, 1.0, None, task, Row))
     return by_plan(plan, found)
 
 
@@ -78,14 +80,14 @@ def test_no_cluster_at_an_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     monkeypatch.setattr(cluster, "ANSWER_S", 0.5)
     plan = made.plan()
     with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9 does not answer"):
-        list(cluster.rows(plan, list(plan.runs()), tmp_path, False, 1, 1.0, "tcp://127.0.0.1:9"))
+        list(cluster.parallel(plan, list(plan.runs()), tmp_path, False, 1, 1.0, "tcp://127.0.0.1:9", execute, Row))
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cluster, "installed", lambda: False)
     plan = made.plan()
     with pytest.raises(InputError, match="need Dask: pip install"):
-        list(cluster.rows(plan, list(plan.runs()), tmp_path, False, 1, 1.0))
+        list(cluster.parallel(plan, list(plan.runs()), tmp_path, False, 1, 1.0, None, execute, Row))
 
 
 def test_results_are_those_of_a_serial_run(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from ispom_app.engine.events import Opened, Stepped
 from ispom_app.engine.history.history import History
 from ispom_app.engine.playback import Playback
+from ispom_app.engine.run_folder.run_folder import is_unfinished, locked
 from ispom_app.features.branches.commands import Fork
 from ispom_app.features.recording.commands import Record, RepairRecordings, StopRecording
 from ispom_app.features.recording.listing import list_recordings
@@ -29,6 +31,7 @@ from tests import doubles
 from tests.alone import METHODS
 from tests.app.helpers import build, opener, started, wait_for
 from tests.app.recorded import entities_in, exposures_in
+from tests.app.strangers import killed_run
 
 
 class Gate:
@@ -198,6 +201,23 @@ def test_what_a_stopped_app_left_unfinished_is_listed_and_repaired(tmp_path: Pat
         assert [file.name for file in session.state[Recordings].listed] == ["left.rrd"] and exposures_in(left) == {0}
         assert ".part-foreign.rrd" in session.state.notices[-1].text and session.close(5.0)
     assert foreign.read_bytes() == b"somebody else's, or another version's"
+
+
+def test_a_run_that_was_killed_is_repaired_in_the_page_and_listed_then(tmp_path: Path) -> None:
+    left = killed_run(tmp_path / "made", recording=False)
+    recordings = tmp_path / "recordings"
+    killed, running = (Path(shutil.copytree(left, recordings / name)) for name in ("killed", "running"))
+    before = {path.name: path.read_bytes() for path in running.iterdir()}
+    with locked(running):
+        session = started(recordings, autoplay=False)
+        wait_for(lambda: session.state.phase == "ready", "opening")
+        assert session.state[Recordings].unfinished == ("killed",) and not session.state[Recordings].listed
+        session.post(RepairRecordings())
+        wait_for(lambda: not session.state[Recordings].unfinished, "the repair")
+        assert [found.name for found in session.state[Recordings].listed] == ["killed"]
+        assert not session.state.notices and session.close(5.0)
+        assert {name: (running / name).read_bytes() for name in before} == before
+    assert (killed / "stereo.tum").is_file() and not is_unfinished(killed)
 
 
 def test_a_fault_anywhere_in_the_worker_is_reported_and_survived(

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from ispom_app.engine.outputs import signature
 from ispom_app.engine.run_folder.run_folder import MARKER, RECORDING
 from ispom_app.features.publish.images import CHOICES
 from ispom_app.features.publish.site import OPENED_AS_FILE, WAITING, published_page
@@ -99,6 +100,14 @@ def test_an_incomplete_run_is_refused(runs: tuple[Path, Path], publish: Publish,
     shutil.copytree(runs[0], copy)
     (copy / MARKER).write_text("stopped\n")
     assert publish(copy, "--out", tmp_path / "site") == 2
+
+
+def test_a_run_that_was_repaired_says_so(runs: tuple[Path, Path], publish: Publish, tmp_path: Path) -> None:
+    copy, said = tmp_path / "copy", "Repaired: 5 of 9 frames. It was killed."
+    shutil.copytree(runs[0], copy)
+    (copy / MARKER).write_text(f"{said}\n{signature('run')}\n")
+    assert publish(copy, "--out", tmp_path / "site") == 0
+    assert said in data(tmp_path / "site", "run")["message"]["notes"]
 
 
 @pytest.mark.parametrize("limit", ["0.01", "-1", "nan"])
