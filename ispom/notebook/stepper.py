@@ -73,13 +73,15 @@ class Stepper:
         """The step at the next frame that the method uses."""
         frame, state = self._states[-1]
         while frame < len(self.sequence):
-            state, steps = self._ensemble.step(state, self.sequence[frame])
+            measurement = self.sequence[frame]
+            state, steps = self._ensemble.step(state, measurement)
             frame += 1
-            if steps:
+            own = next((step for step in steps if step.method == self.method), None)
+            if own is not None:
                 self._states.append((frame, state))
                 for view in self._views:
-                    view.add(frame - 1, steps[0], self.sequence[frame - 1])
-                return steps[0]
+                    view.add(frame - 1, own, measurement)
+                return own
         raise StopIteration
 
     def back(self, steps: int = 1) -> None:
