@@ -8,6 +8,7 @@ const slider = part("slider");
 const ids = part("ids");
 const CLICK_PX = 12; // How near a click has to be to a track.
 const DRAG_PX = 4; // Less than that is a click.
+const WIDE = 2; // Images that are so many times as wide as high have the path below them.
 const LOOK = { quiet: 0.6, dot: 2.5, chosen: 5, mark: 6 }; // Radii and opacity.
 
 const frames = data.frames;
@@ -47,6 +48,7 @@ function drawImage(frame) {
   image.replaceChildren();
   image.setAttribute("viewBox", `0 0 ${width} ${height}`);
   image.classList.toggle("takes", frame.ids !== null);
+  part("pictures").classList.toggle("wide", width > WIDE * height);
   if (!frame.image) {
     drawn("text", { x: 2, y: 1.6, "font-size": 0.2, "text-anchor": "middle" }, image).textContent = "no image of this frame";
     return;
@@ -139,11 +141,13 @@ function drawChecks(frame) {
 }
 
 function draw() {
+  document.documentElement.classList.toggle("dark", isDark());
   const frame = frames[place];
   const [headline, detail] = part("verdict").children;
   slider.max = Math.max(frames.length - 1, 0);
   slider.value = place;
   slider.disabled = ids.disabled = !frame;
+  document.querySelector("details").hidden = !frame;
   ids.value = [...chosen].join(", ");
   part("choice").hidden = Boolean(data.unknown);
   part("note").textContent = [data.note, data.unknown].filter(Boolean).join(" ");
@@ -265,6 +269,18 @@ slider.addEventListener("input", () => goTo(Number(slider.value)));
 part("before").addEventListener("click", () => goTo(place - 1));
 part("after").addEventListener("click", () => goTo(place + 1));
 ids.addEventListener("change", () => choose((ids.value.match(/\d+/g) ?? []).map(Number).filter(Number.isSafeInteger), false));
+
+/** Whether the notebook around is dark: its words are light there. */
+function isDark() {
+  try {
+    const colour = getComputedStyle(frameElement.parentElement).color;
+    const [red, green, blue] = colour.startsWith("rgb") ? colour.match(/[\d.]+/g).map(Number) : [];
+    if (blue !== undefined) return 0.3 * red + 0.6 * green + 0.1 * blue > 128;
+  } catch {
+    // There is no notebook around, or it is of another origin.
+  }
+  return matchMedia("(prefers-color-scheme: dark)").matches;
+}
 
 /** The cell is as high as the page. */
 function fit() {
