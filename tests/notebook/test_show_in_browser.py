@@ -96,7 +96,8 @@ def test_a_click_on_a_track_reaches_python(run: ispom.Run, browser: Any) -> None
 def test_what_python_sets_is_shown_and_new_steps_come_in(run: ispom.Run, browser: Any) -> None:
     walk = ispom.stepper(run.sequence, "stereo", max_tracks=300)
     view = walk.show()
-    next(walk), next(walk)
+    for _ in range(2):
+        next(walk)
     tab, page = opened(browser, view)
     messages: list[Any] = []
     view.send = messages.append

@@ -86,7 +86,9 @@ function extent() {
   ];
   const [left, bottom] = [Math.min(...xs), Math.min(...zs)];
   const size = Math.max(Math.max(...xs) - left, Math.max(...zs) - bottom, 1e-3);
-  return xs.length ? [left, bottom, Math.max(Math.max(...xs) - left, size / 3), Math.max(Math.max(...zs) - bottom, size / 3)] : [0, 0, 1, 1];
+  return xs.length
+    ? [left, bottom, Math.max(Math.max(...xs) - left, size / 3), Math.max(Math.max(...zs) - bottom, size / 3)]
+    : [0, 0, 1, 1];
 }
 
 /** A round length (1, 2 or 5 of a power of ten), at most a third of the width. */
