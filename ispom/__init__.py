@@ -7,6 +7,7 @@ each release.
     import ispom
     run = ispom.run("sim:tiny", "stereo")         # a path, a sequence, or images with a rig
     run.trajectory, run.steps[3].inliers, run.covariances
+    run.show(frame=34)                            # in a cell; what is chosen there is view.frame, view.tracks
     run.evaluate().ate                            # with the numbers of `ispom evaluate`
     run.save("runs/tiny")                         # as `ispom run` does: for the page, reports, ispom.read_run
     for step in ispom.stepper("sim:tiny", "stereo"):

@@ -1,15 +1,14 @@
-"""The door by which runs are written to a folder, and read: the program that writes run folders stands behind it."""
+"""What a run folder gives of a run, as a notebook has it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ispom.geometry import Pose
 from ispom.notebook.result import Result
-from ispom.registry import Registry
+from ispom.notebook.run_folders import run_folders
 from ispom.types import Status
 
 
@@ -39,25 +38,6 @@ class StoredRun(Result):
 
     folder: Path
     steps: tuple[StoredStep, ...]
-
-
-@dataclass(frozen=True)
-class RunFolders:
-    """How runs are kept in folders."""
-
-    name: str
-    save: Callable[[Any, Path], Path]
-    """Writes a Run into a new or empty folder. Raises InputError."""
-    read: Callable[[Path, str | None], StoredRun]
-    """Reads the run of a method; of the only one where None is given. Raises InputError."""
-
-
-REGISTRY = Registry("ispom.run_folders", RunFolders, "kind of run folder", ())
-
-
-def run_folders() -> RunFolders:
-    """Returns how `ispom run` keeps runs. Raises InputError where only the library is installed."""
-    return REGISTRY.get("ispom")
 
 
 def read_run(folder: str | Path, name: str | None = None) -> StoredRun:

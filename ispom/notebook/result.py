@@ -14,10 +14,14 @@ from numpy.typing import NDArray
 from ispom.errors import InputError, counted
 from ispom.evaluation.comparison import Comparison, compare, measures
 from ispom.evaluation.trajectory_error import alignment_of, associate
+from ispom.geometry import Array
 from ispom.io.poses.recognised import read_trajectory
 from ispom.methods import method
+from ispom.notebook.run_folders import run_folders
 from ispom.types import Rig, Trajectory
 
+MAX_MB = 5.0
+"""Of a view in a cell: a notebook with some of them still opens at once, and about 80 frames have room."""
 ALIGNED = {"se3": "SE(3)", "sim3": "Sim(3)"}
 
 
@@ -76,6 +80,32 @@ class Result:
         found = compare(own, reference, pairs, alignment_of(method(self.method).unit == "metric"))
         return Evaluation(found, measures(found))
 
+    def beside_truth(self) -> tuple[Array, Array | None, str]:
+        """Returns the positions (N, 3) of the trajectory, the true ones (M, 3) that it was compared with, and the unit
+        of both.
+
+        Both have the axes of the method's own world, where z is forward at the first frame: those of a ground truth may
+        be any. Without one, or with too few common times, the trajectory is alone, in its own unit.
+        """
+        own = self.trajectory.translations
+        try:
+            found = self.evaluate().comparison
+        except InputError:
+            return own, None, self.unit
+        truth_from_own = found.world_from_own
+        scale = truth_from_own.scale
+        return scale * own, scale * truth_from_own.inverse().apply(found.reference.translations), "m"
+
+    def show(self, frame: int | None = None, *, max_mb: float = MAX_MB) -> Any:
+        """Returns a view of the run for a cell: image and tracks of each frame, the path from above, verdict and
+        checks. It begins at `frame`, or else at the last step.
+
+        `view.frame` and `view.tracks` are what is chosen in it, and may be set. All of it is in the cell, which takes
+        at most `max_mb` MB: of a longer run, one of several frames. Raises InputError where the method has no step at
+        the frame.
+        """
+        return run_folders().show(self, frame, max_mb)
+
     def plot(self) -> Any:
         """Draws the path from above, with the true one where there is one, and returns matplotlib's figure. Raises
         InputError without the extra `plots`."""
@@ -84,15 +114,11 @@ class Result:
         except ImportError:
             raise InputError("run.plot needs matplotlib: pip install 'ispom[plots]'") from None
         figure = Figure(figsize=(5, 4), layout="constrained")
-        axes, path, unit = figure.add_subplot(), self.trajectory, self.unit
-        if self.truth is not None:
-            try:
-                found = self.evaluate().comparison
-                path, unit = found.estimate, "m"
-                axes.plot(*found.reference.translations[:, [0, 2]].T, color="grey", linewidth=4, label="ground truth")
-            except InputError:
-                pass  # too few common times: the path alone
-        axes.plot(*path.translations[:, [0, 2]].T, ".-", label=self.method)
+        axes = figure.add_subplot()
+        path, truth, unit = self.beside_truth()
+        if truth is not None:
+            axes.plot(*truth[:, [0, 2]].T, color="grey", linewidth=4, label="ground truth")
+        axes.plot(*path[:, [0, 2]].T, ".-", label=self.method)
         axes.set(xlabel=f"x [{unit}]", ylabel=f"z [{unit}]", title=self.source, aspect="equal")
         axes.legend()
         return figure

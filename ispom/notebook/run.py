@@ -15,8 +15,8 @@ from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError, counted
 from ispom.geometry import Array
 from ispom.methods import Config, kinds_of, method, with_dependencies
-from ispom.notebook.folders import run_folders
 from ispom.notebook.result import Result
+from ispom.notebook.run_folders import run_folders
 from ispom.settings import checked
 from ispom.settings import settings as settings_of
 from ispom.types import Frame, Rig, Sequence, Step, Trajectory

@@ -7,7 +7,9 @@ from typing import Any
 
 from ispom.ensemble import Ensemble
 from ispom.errors import InputError
+from ispom.notebook.result import MAX_MB
 from ispom.notebook.run import RATE_HZ, Source, built, opened
+from ispom.notebook.run_folders import run_folders
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 WINDOW = 10
@@ -47,6 +49,7 @@ class Stepper:
         """`states`: the number of the next frame and the state before it, the newest last."""
         self.sequence, self.method, self.settings = sequence, name, settings
         self._ensemble, self._states = ensemble, states
+        self._views: list[Any] = []
 
     @property
     def frame(self) -> int:
@@ -70,11 +73,15 @@ class Stepper:
         """The step at the next frame that the method uses."""
         frame, state = self._states[-1]
         while frame < len(self.sequence):
-            state, steps = self._ensemble.step(state, self.sequence[frame])
+            measurement = self.sequence[frame]
+            state, steps = self._ensemble.step(state, measurement)
             frame += 1
-            if steps:
+            own = next((step for step in steps if step.method == self.method), None)
+            if own is not None:
                 self._states.append((frame, state))
-                return steps[0]
+                for view in self._views:
+                    view.add(frame - 1, own, measurement)
+                return own
         raise StopIteration
 
     def back(self, steps: int = 1) -> None:
@@ -85,6 +92,15 @@ class Stepper:
             )
         for _ in range(steps):
             self._states.pop()
+        for view in self._views:
+            view.drop(self.frame)
+
+    def show(self, *, max_mb: float = MAX_MB) -> Any:
+        """Returns a view for a cell, as of `Run.show`, that follows: each next step comes into it, and what is taken
+        back leaves it. It has the steps from now on, of them the latest that `max_mb` MB have room for."""
+        view = run_folders().show(self, None, max_mb)
+        self._views.append(view)
+        return view
 
     def fork(self, **settings: Any) -> Stepper:
         """Returns another stepper that goes on from here, with other settings where some are given."""

@@ -200,3 +200,9 @@ def test_a_film_without_calibration_runs_with_the_camera_that_its_images_give(
     assert ispom.open_sequence(str(tmp_path)).rig.camera("video").fx != 123
     assert ispom.run(str(tmp_path), "monocular", frames=3).rig.camera("video").fx == 123
     assert ispom.stepper(str(tmp_path), "monocular").sequence.rig.camera("video").fx == 123
+
+
+def test_a_stepper_gives_the_steps_of_its_method_and_not_those_it_depends_on(sequence: ispom.Sequence) -> None:
+    found, run = list(ispom.stepper(sequence, "integrated")), ispom.run(sequence, "integrated")
+    assert {step.method for step in found} == {"integrated"}
+    assert [step.time_ns for step in found] == [step.time_ns for step in run.steps]

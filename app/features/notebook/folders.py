@@ -1,4 +1,5 @@
-"""How a notebook's run is written as `ispom run` does, and how a run folder is read for a notebook."""
+"""How a notebook's run is written as `ispom run` does, how a run folder is read for a notebook, and how both are
+shown."""
 
 from __future__ import annotations
 
@@ -12,8 +13,9 @@ from ispom.ensemble import Ensemble, Member
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.methods import Config, in_order, method
-from ispom.notebook.folders import RunFolders, StoredRun, StoredStep
+from ispom.notebook.folders import StoredRun, StoredStep
 from ispom.notebook.run import Run
+from ispom.notebook.run_folders import RunFolders
 from ispom.types import Measurement, Rig, Status, Step, Trajectory
 
 from ...engine.history.quantities import POSE
@@ -103,4 +105,11 @@ def _step(row: Row) -> StoredStep:
     )
 
 
-RUN_FOLDERS = RunFolders("ispom", save, read)
+def show(run: Any, frame: int | None, max_mb: float) -> Any:
+    """A view in a cell. Widgets are imported only here: they take a while."""
+    from .view import show as shown
+
+    return shown(run, frame, max_mb)
+
+
+RUN_FOLDERS = RunFolders("ispom", save, read, show)

@@ -129,7 +129,7 @@ def _record(
 ) -> ExposureRecord:
     errors_m = {s.method: float(s.values["error_m"]) for s in rows if s.values["error_m"] is not None}  # type: ignore[arg-type]
     own = [s for s in rows if s.method in methods and of.kinds[index] in registered(s.method).sensors]
-    steps = tuple(map(_step, own))
+    steps = tuple(map(step_of, own))
     statuses = dict(before.statuses) if before is not None else {}
     statuses |= {step.method: MethodStatus.of(step, errors_m.get(step.method)) for step in steps}
     return ExposureRecord(
@@ -144,7 +144,8 @@ def _record(
     )
 
 
-def _step(stored: StoredStep) -> Step:
+def step_of(stored: StoredStep) -> Step:
+    """What a row says of its step: without tracks, points and residuals."""
     values = stored.values
     return Step(
         stored.time_ns,

@@ -67,13 +67,18 @@ def placement(parent_from_entity: Similarity) -> rr.Transform3D:
 
 def jpeg(image: Image) -> rr.EncodedImage:
     """The image, at `shown_scale`."""
+    return rr.EncodedImage(contents=jpeg_bytes(image, JPEG_QUALITY), media_type="image/jpeg")
+
+
+def jpeg_bytes(image: Image, quality: int) -> bytes:
+    """The same as the content of a file, in this quality from 1 to 100."""
     scale = shown_scale(image.shape[1], image.shape[0])
     if scale < 1:
         size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
     bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return data.tobytes()
 
 
 def shown_uv(uv: NDArray, camera: Camera) -> NDArray[np.float32]:
