@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests.parts import FULL
+from tests.parts import is_full
 
 ROOT = Path(__file__).parents[1]
 
@@ -32,7 +32,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks the tests of `FULL`, before pytest selects by marks."""
+    """Marks the tests that are `full`, before pytest selects by marks."""
     for item in items:
-        if item.path.is_relative_to(ROOT) and item.path.relative_to(ROOT).as_posix().startswith(FULL):
+        if item.path.is_relative_to(ROOT) and is_full(item.path.relative_to(ROOT).as_posix()):
             item.add_marker(pytest.mark.full)

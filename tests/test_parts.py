@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.parts import FULL
+from tests.parts import FULL, SMOKE, is_full
 
 ROOT = Path(__file__).parents[1]
 
@@ -16,8 +16,7 @@ def test_each_place_has_tests() -> None:
 
 
 def test_the_page_is_opened_by_default() -> None:
-    smoke = "tests/app/page/test_browser.py"
-    assert (ROOT / smoke).is_file() and not smoke.startswith(FULL)
+    assert (ROOT / SMOKE).is_file() and not is_full(SMOKE) and is_full("tests/app/page/test_keys.py")
 
 
 def test_ci_runs_both() -> None:
