@@ -21,8 +21,8 @@ FULL = (
     "tests/test_bare_machine.py",
     "tests/test_without_extras.py",
 )
-"""Beginnings of paths of tests with the mark `full`: most browser tests, notebooks, programs beside ISPOM, signals, studies,
-mutated files, and whole runs of every method and command. They take more than half of the time of all."""
+"""Beginnings of paths of tests with the mark `full`: most browser tests, notebooks, programs beside ISPOM, signals,
+studies, mutated files, and whole runs of every method and command. They take more than half of the time of all."""
 SMOKE = "tests/app/page/test_browser.py"
 """The page in a real browser, which the default run has all the same."""
 
