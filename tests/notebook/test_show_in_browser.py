@@ -30,7 +30,7 @@ window.model = {{
   on: (name, call) => (heard[name] ??= []).push(call),
   off() {{}},
 }};
-render({{ model: window.model, el: document.getElementById("link") }});
+window.begin = () => render({{ model: window.model, el: document.getElementById("link") }});
 </script>"""
 
 
@@ -68,6 +68,7 @@ def opened(browser: Any, view: Any) -> tuple[Any, Any]:
     tab.goto(HOME)
     page = tab.frame_locator("iframe")
     playwright.expect(page.locator("#at")).not_to_be_empty()
+    tab.evaluate("() => void window.begin()")  # after the page, as where a notebook is opened again
     tab.wait_for_function("window.sent.some((content) => content.known)")
     assert [url for url in asked if not url.endswith("favicon.ico")] == []
     return tab, page

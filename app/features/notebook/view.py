@@ -6,7 +6,7 @@ what is chosen.
             (BroadcastChannel) whose name only they know
 
     page to link     hello: [number of each frame that it has]    chosen: {frame, tracks}
-    link to page     state: {frame, tracks}                       news: what Python sends
+    link to page     state: {frame, tracks}                       news: what Python sends      hail: asks for hello
     Python to link   added: {frame, place}                        dropped: [numbers]
 
 marimo shows the widget alone, so there the link has the page and draws it.

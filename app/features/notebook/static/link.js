@@ -25,6 +25,8 @@ function render({ model, el }) {
   model.on("change:tracks", tell);
   model.on("msg:custom", news);
 
+  channel.postMessage({ hail: true }); // The page may have begun before.
+
   const page = model.get("page");
   if (page) {
     const frame = document.createElement("iframe");

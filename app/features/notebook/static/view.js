@@ -200,8 +200,13 @@ function learn({ added, dropped = [], untold = [] }) {
   draw();
 }
 
+function greet() {
+  channel?.postMessage({ hello: frames.map((frame) => frame.frame) });
+}
+
 if (channel)
   channel.onmessage = ({ data: message }) => {
+    if (message.hail) greet();
     if (message.state) take(message.state);
     if (message.chosen) take(message.chosen); // another picture of the same view
     if (message.news) learn(message.news);
@@ -298,4 +303,4 @@ new ResizeObserver(() => {
   fit();
   draw();
 }).observe(document.querySelector("main"));
-channel?.postMessage({ hello: frames.map((frame) => frame.frame) });
+greet();
