@@ -107,7 +107,7 @@ def _step(row: Row) -> StoredStep:
 
 def show(run: Any, frame: int | None, max_mb: float) -> Any:
     """A view in a cell. Widgets are imported only here: they take a while."""
-    from .view import show as shown
+    from .cell import show as shown
 
     return shown(run, frame, max_mb)
 
