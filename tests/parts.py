@@ -18,6 +18,8 @@ FULL = (
     "tests/docs/test_notebooks.py",
     "tests/estimators/test_contract.py",
     "tests/estimators/test_soak.py",
+    "tests/evaluation/audit/test_auditor.py",
+    "tests/evaluation/judge/test_exact.py",
     "tests/evaluation/sensors/test_judged.py",
     "tests/examples/",
     "tests/fuzz/",
