@@ -89,7 +89,7 @@ def test_it_stops_on_its_check_and_a_changed_image_is_found(run: Path, recording
 
 
 def test_it_has_flags_and_no_flag_for_its_command() -> None:
-    found = ispom("run", "--help", *BOTH)
+    found = ispom("run", "--help", *BOTH, "--methods", "compass")
     assert "--compass.timeout-s" in found.stdout and "--compass.command" not in found.stdout
 
 

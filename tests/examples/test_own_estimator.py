@@ -31,7 +31,7 @@ def test_it_keeps_the_contract(installed: Path) -> None:
 
 
 def test_it_has_flags(installed: Path) -> None:
-    found = python(installed, "-m", "ispom_app", "run", "--help")
+    found = python(installed, "-m", "ispom_app", "run", "--help", "--methods", "frames")
     assert "--frames.min-inliers" in found.stdout and "Fewer tracks that agree" in found.stdout
     refused = python(installed, "-m", "ispom_app", "run", "sim:tiny", "--methods", "frames", "--frames.max-tracks", "7")
     assert refused.returncode == 2 and "--frames.max-tracks is 7" in refused.stderr
