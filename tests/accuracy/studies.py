@@ -234,6 +234,7 @@ def budget(console: Console, options: Options) -> list[dict[str, Any]]:
         print_budgets(console, budgets_found(measured))
         if options.table is not None:
             write_budgets(options.table, budgets_found(measured))
+    return measured
 
 
 def sensors(console: Console, options: Options) -> list[dict[str, Any]]:
