@@ -18,6 +18,7 @@ from ispom_app.engine.playback import Builder
 from ispom_app.engine.run_folder.results import in_frame
 from ispom_app.engine.run_folder.run_folder import MARKER
 from ispom_app.features.headless import console
+from ispom_app.features.report.folder import read_run
 from ispom_app.views.rerun.rrd import is_finished
 
 from ispom.io.rig import read_rig
@@ -331,6 +332,7 @@ def test_a_signal_keeps_what_was_computed(
     assert ended(drive, out, Interrupted) == code
     assert names(out) == FILES | {"run.rrd", MARKER}
     assert "signal after 7 of 12 frames" in (out / MARKER).read_text()
+    assert any("7 of 12" in note for note in read_run(out, "stopped").manifest["notes"])
     assert len(read_tum(out / "monocular.tum")) == 3
     assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
 

@@ -62,8 +62,6 @@ LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decision
 EVENTS = "events.csv"
 JOURNAL = "poses.csv"
 """Of a run that goes on; see journal.py."""
-REPAIRED = "Repaired:"
-"""How the marker begins where a run was killed, and then repaired."""
 
 
 def trajectory_file(method: str) -> str:
@@ -193,14 +191,14 @@ def is_unfinished(path: Path) -> bool:
         return False
 
 
-def repaired(path: Path) -> str:
-    """The line about a run that was killed and then repaired: how many of its frames there are. Empty for any other
-    run, and where that cannot be read."""
+def ended_early(path: Path) -> str:
+    """The line about a run that was stopped, or killed and then repaired: how many of its frames there are. Empty for
+    any other run, for one whose files are not what they will be, and where that cannot be read."""
     try:
-        line = next(iter(mark_text(path / MARKER).splitlines()), "") if is_incomplete(path) else ""
+        stopped = is_incomplete(path) and not is_unfinished(path) and (path / METRICS).exists()
+        return next(iter(mark_text(path / MARKER).splitlines()), "") if stopped else ""
     except OSError:
         return ""
-    return line if line.startswith(REPAIRED) else ""
 
 
 def _require_free(path: Path) -> list[Path]:

@@ -16,7 +16,7 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ...engine.run_folder.run_file import read_run_file
-from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, repaired
+from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, ended_early
 from ...session.branches.branches import NOTHING
 from ...session.branches.comparison import Comparison
 from ...session.branches.service import BranchService
@@ -78,11 +78,11 @@ def reviewed(folders: list[Path], names: list[str], *, compares: bool = True) ->
 
 
 def require_run(folder: Path) -> None:
-    """Raises InputError where the folder holds no run with a recording that is complete, or was killed and repaired."""
+    """Raises InputError where the folder holds no run with a recording, or one that was killed or goes on."""
     if not exists(folder / RUN):
         raise InputError(f"{folder} holds no run: give a folder that `ispom run` wrote")
     read_run_file(folder)
-    if exists(folder / MARKER) and not repaired(folder):
+    if exists(folder / MARKER) and not ended_early(folder):
         raise InputError(f"{folder} holds a run that is not complete: run it again, then publish it")
     if not exists(folder / RECORDING):
         raise InputError(f"{folder} has no {RECORDING}, which the stage is made of: run again without --no-recording")

@@ -17,7 +17,7 @@ from ispom.io.whole import part_of, replace_whole, whole_of
 
 from ...engine.events import Bookmark, Opened
 from ...engine.run_folder.run_file import RunFile, read_run_file
-from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL, is_locked, is_unfinished, repaired
+from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL, ended_early, is_locked, is_unfinished
 from ...engine.run_folder.thumbnail import thumbnail
 from ...session.sources.folders import run_name
 from ...session.state import State
@@ -96,8 +96,8 @@ def list_unfinished(folder: Path) -> tuple[Path, ...]:
 
 
 def _ended(run: Path) -> bool:
-    """Whether it came to its end, or has a finished recording of how far it came, or was repaired."""
-    return (run / RECORDING).exists() or not (run / MARKER).exists() or bool(repaired(run))
+    """Whether it came to its end, or has a finished recording of how far it came, or whose files are whole."""
+    return (run / RECORDING).exists() or not (run / MARKER).exists() or bool(ended_early(run))
 
 
 def _run(folder: Path, path: Path) -> ListedRun:

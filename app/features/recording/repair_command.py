@@ -18,7 +18,6 @@ from ...engine.run_folder.run_folder import (
     DECISIONS,
     JOURNAL,
     METRICS,
-    REPAIRED,
     RIG,
     RUN,
     STEPS,
@@ -123,7 +122,7 @@ def _write_results(folder: RunFolder) -> list[str]:
         lines.append(f"{path / METRICS}: of these poses")
     if folder.problem is None:
         total = sum(count for count in run.exposures.values() if isinstance(count, int))
-        folder.failed(f"{REPAIRED} {journal.exposures} of {total} frames. {folder.reason}")
+        folder.failed(f"Repaired: {journal.exposures} of {total} frames. {folder.reason}")
         kept.unlink()
     return lines
 

@@ -23,7 +23,7 @@ from ispom.types import Rig, Trajectory
 from ...engine.run_events.event import RunEvent
 from ...engine.run_events.table import read_events
 from ...engine.run_folder.run_file import read_run_file
-from ...engine.run_folder.run_folder import DECISIONS, EVENTS, MARKER, STEPS, repaired
+from ...engine.run_folder.run_folder import DECISIONS, EVENTS, MARKER, STEPS, ended_early
 from .steps import DecisionRow, Steps, read_steps
 
 HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
@@ -68,10 +68,10 @@ class Run:
 
 
 def read_run(path: Path, label: str) -> Run:
-    """InputError where the folder holds no run, one that is not complete and was not repaired, or files that are not as
-    written. What a repair says of a run is among the notes of its manifest."""
+    """InputError where the folder holds no run, one that was killed or goes on, or files that are not as written.
+    Of a run that ended early, how far it came is among the notes of its manifest."""
     found = read_run_file(path)
-    said = repaired(path)
+    said = ended_early(path)
     if exists(path / MARKER) and not said:
         why = read_text(path / MARKER).strip().splitlines()
         raise InputError(

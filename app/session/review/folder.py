@@ -22,7 +22,7 @@ from ...engine.playback import Builder, Playback
 from ...engine.run_folder.placements import Placed, placed
 from ...engine.run_folder.results import in_frame
 from ...engine.run_folder.run_file import RunFile, read_run_file
-from ...engine.run_folder.run_folder import RECORDING, RIG, TRUTH, repaired, trajectory_file
+from ...engine.run_folder.run_folder import RECORDING, RIG, TRUTH, ended_early, trajectory_file
 from .recording import identity
 from .records import Exposures, exposures, records
 from .stored import Stored, compared, nobody, stored_source
@@ -88,7 +88,7 @@ def _sequence(
     kinds: frozenset[Kind],
 ) -> tuple[Sequence, str]:
     """That of the source with measurements of these kinds, or else one without images, and why."""
-    of_repair = filter(None, [repaired(folder)])
+    of_end = filter(None, [ended_early(folder)])
     try:
         allowed = stored_source(folder, run, None, named, NAME_IT)
         with confined(allowed.places):
@@ -97,7 +97,7 @@ def _sequence(
             sequence = compared(sequence, run.images_sha256, run.source)
         sequence = with_estimated_camera(sequence).used_by(kinds)
         if _same(found, sequence):
-            return replace(sequence, notes=(*sequence.notes, *of_repair, f"stored run {folder.name}")), ""
+            return replace(sequence, notes=(*sequence.notes, *of_end, f"stored run {folder.name}")), ""
         unavailable = f"{run.source} is not the source that the run had: its frames have other times"
     except InputError as mistake:
         unavailable = str(mistake)
@@ -106,7 +106,7 @@ def _sequence(
     def load(i: int) -> NoReturn:
         raise UnreadableImage(unavailable)
 
-    notes = (*map(str, run.notes), *of_repair, f"stored run {folder.name}: {unavailable}")
+    notes = (*map(str, run.notes), *of_end, f"stored run {folder.name}: {unavailable}")
     return Sequence(run.sequence, rig, found.times_ns, found.kinds, load, _truth(folder, rig, run.frame), notes), (
         unavailable
     )

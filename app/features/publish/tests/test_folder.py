@@ -102,8 +102,11 @@ def test_an_incomplete_run_is_refused(runs: tuple[Path, Path], publish: Publish,
     assert publish(copy, "--out", tmp_path / "site") == 2
 
 
-def test_a_run_that_was_repaired_says_so(runs: tuple[Path, Path], publish: Publish, tmp_path: Path) -> None:
-    copy, said = tmp_path / "copy", "Repaired: 5 of 9 frames. It was killed."
+@pytest.mark.parametrize(
+    "said", ["Repaired: 5 of 9 frames. It was killed.", "Stopped by a signal after 5 of 9 frames."]
+)
+def test_a_run_that_ended_early_says_so(said: str, runs: tuple[Path, Path], publish: Publish, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
     shutil.copytree(runs[0], copy)
     (copy / MARKER).write_text(f"{said}\n{signature('run')}\n")
     assert publish(copy, "--out", tmp_path / "site") == 0
