@@ -52,7 +52,8 @@ def write() -> None:
     shutil.rmtree(folder, ignore_errors=True)
     for notebook in sorted(NOTEBOOKS.glob("*.ipynb")):
         folder.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(notebook, folder / notebook.name)
+        text = import_module("colab").with_link(notebook.read_text(encoding="utf-8"), notebook.name)
+        (folder / notebook.name).write_text(text, encoding="utf-8")
 
 
 def restructured(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
