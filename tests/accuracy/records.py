@@ -7,6 +7,7 @@ error.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -203,9 +204,9 @@ def _about(row: Row) -> str:
 
 def _cells(row: Row) -> Iterable[str]:
     if row.failed is not None:
-        return *("",) * 8, f"**failed**: {row.failed}"
+        return *("",) * 8, f"**failed**: {_escaped(row.failed)}"
     located = f"{row.located} of {row.frames}" if row.located else f"**none** of {row.frames}"
-    failure = "" if row.refused is None else f"refused: {row.refused}"
+    failure = "" if row.refused is None else f"refused: {_escaped(row.refused)}"
     errors = (_short(value) for value in (row.ate, row.segment_ate, row.rpe, row.rpe_deg, row.ms))
     return located, str(row.lost), str(row.segments), *errors, failure
 
@@ -214,7 +215,12 @@ def _short(value: float | None) -> str:
     return "" if value is None else f"{value:.3g}"
 
 
+def _escaped(text: str) -> str:
+    """Returns words of the program as Markdown: on one line, and without markup."""
+    return re.sub(r"([*_|<\[\]{}$\\`])", r"\\\1", " ".join(text.split()))
+
+
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = tuple(head)
     lines = [head, ("---",) * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -153,7 +154,8 @@ def test_the_page_has_releases_one_beside_another_and_failures_in_the_tables() -
     (failed,) = (line for line in lines if "**failed**" in line)
     assert REFUSED.refused is not None and REFUSED.refused in refused
     head = next(line for line in lines if line.startswith("| method"))
-    assert {line.count("|") for line in (refused, failed, head, lines[at[0]])} == {12}
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in (refused, failed, head, lines[at[0]])} == {12}
+    assert "no \\| camera" in failed
     assert "0.1.0, of 3 runs: 1 ended with an error, 1 localised no frame" in text
 
 
@@ -165,6 +167,15 @@ def test_the_page_is_made_of_the_stored_records() -> None:
     assert shown.strip() == markdown(records).strip(), hint
     for record in records:
         assert (PAGE.parent / FOLDER / f"{record.version}.json").read_text(encoding="utf-8") == record_text(record)
+
+
+def test_figures_of_other_programs_have_their_rules_and_sources_and_are_not_called_ours() -> None:
+    text = PAGE.read_text(encoding="utf-8").partition("\n## Other programs, as published\n")[2]
+    assert "**not measured here**" in text.partition("\n| program")[0]
+    rows = [line.split(" | ") for line in text.partition(marks(STUDY)[0])[0].split("\n") if line.startswith("| ")][2:]
+    assert {"ORB-SLAM3", "SVO", "COLMAP"} <= {cells[0].strip("| ").partition(",")[0] for cells in rows}
+    for cells in rows:
+        assert len(cells) == 5 and len(cells[3]) > 15 and "](https://" in cells[4]
 
 
 @pytest.fixture
