@@ -21,11 +21,13 @@ def address(name: str, project: dict) -> str | None:
     return f"https://colab.research.google.com/github/{path}"
 
 
-def with_link(text: str, name: str, project: dict | None = None) -> str:
-    """Returns a notebook with its link below the title; unchanged where there is no address. `project` is that table of
-    pyproject.toml."""
-    if project is None:
-        project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+def this_project() -> dict:
+    """Returns the table `project` of pyproject.toml."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def with_link(text: str, name: str, project: dict) -> str:
+    """Returns a notebook with its link below the title; unchanged where there is no address."""
     found = address(name, project)
     if found is None:
         return text

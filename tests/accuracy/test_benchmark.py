@@ -32,6 +32,7 @@ from tests.accuracy.records import (
     read_records,
     record_text,
 )
+from tests.accuracy.test_figures import STILL
 
 MACHINE = Machine(
     processor="P",
@@ -165,6 +166,7 @@ def test_the_page_is_made_of_the_stored_records() -> None:
     records = read_records(PAGE.parent / FOLDER)
     hint = "run python -m tests.accuracy benchmark --table docs/evaluation/benchmark.md"
     assert shown.strip() == markdown(records).strip(), hint
+    assert all(f"`{name}`" in PAGE.read_text(encoding="utf-8") for name in STILL)
     for record in records:
         assert (PAGE.parent / FOLDER / f"{record.version}.json").read_text(encoding="utf-8") == record_text(record)
 
