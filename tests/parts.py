@@ -16,6 +16,7 @@ FULL = (
     "tests/app/test_killed.py",
     "tests/app/viser_ui/",
     "tests/docs/test_notebooks.py",
+    "tests/docs/test_versions_in_browser.py",
     "tests/estimators/test_contract.py",
     "tests/estimators/test_soak.py",
     "tests/evaluation/audit/test_auditor.py",

@@ -14,6 +14,8 @@ import yaml
 from ispom_app.features.page.options import App
 from packaging.requirements import Requirement
 
+from tests.accuracy.records import FOLDER, PAGE
+
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 FILES = [*sorted((ROOT / ".github").rglob("*.y*ml")), *(ROOT / n for n in (".pre-commit-config.yaml", "compose.yaml"))]
@@ -71,6 +73,13 @@ def test_a_release_writes_its_checksum_into_the_recipe() -> None:
     assert pattern is not None and len(re.findall(pattern[1] + '"0{64}"$', text, re.MULTILINE)) == 1
 
 
+def test_a_release_needs_its_record_of_the_benchmark() -> None:
+    steps = content(".github/workflows/release.yml")["jobs"]["build"]["steps"]
+    (script,) = (step["run"] for step in steps if "GITHUB_REF_NAME" in step.get("run", ""))
+    named = re.search(r'^test -f "(\S+)/\$version\.json"$', script, re.MULTILINE)
+    assert named is not None and ROOT / named[1] == PAGE.parent / FOLDER
+
+
 def test_the_paper_is_a_reference() -> None:
     (paper,) = content("CITATION.cff")["references"]
     assert paper["doi"] == "10.1007/s11432-012-4649-9" and paper["year"] == 2013
@@ -89,6 +98,8 @@ def test_only_the_job_that_publishes_gets_a_token() -> None:
     assert release["permissions"] == {"contents": "read"}
     wanting = {name for name, job in release["jobs"].items() if job.get("permissions", {}).get("id-token") == "write"}
     assert wanting == {"publish"} and release["jobs"]["publish"]["environment"] == "pypi"
+    writing = {name for name, job in release["jobs"].items() if job.get("permissions", {}).get("contents") == "write"}
+    assert writing == {"site"}
     assert "password" not in (ROOT / ".github/workflows/release.yml").read_text().replace("no password", "")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 
-from stability import of_modules
+from stability import of_modules, of_name
 
 GROUPS = {
     "In a notebook": ("ispom.notebook",),
@@ -18,8 +18,8 @@ GROUPS = {
 }
 INTRO = """# Python API
 
-`import ispom` gives what plug-ins and notebooks need. Each part below is stable or experimental.
-Modules below `ispom`, such as `ispom.solvers`, may change with each release.
+`import ispom` gives what plug-ins and notebooks need. Each part below is stable or experimental, and each
+name says which. Modules below `ispom`, such as `ispom.solvers`, may change with each release.
 
 ```python
 import ispom
@@ -50,7 +50,6 @@ def pages() -> dict[str, str]:
             value = getattr(ispom, name)
             kind = "class" if inspect.isclass(value) else "function" if callable(value) else "data"
             options = {"class": "\n   :members:\n   :undoc-members:", "data": "\n   :no-value:"}.get(kind, "")
-            directives.append(f".. auto{kind}:: ispom.{name}{options}")
-            del left[name]
+            directives.append(f".. auto{kind}:: ispom.{name}{options}\n\n   {of_name(left.pop(name))}")
         text += [f"## {title}", of_modules(homes, "../"), "```{eval-rst}\n" + "\n\n".join(directives) + "\n```"]
     return {"reference/python_api.md": "\n\n".join(text)}

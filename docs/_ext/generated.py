@@ -48,11 +48,12 @@ def write() -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
-    folder = DOCS / "tutorials" / "notebooks"
+    folder, colab = DOCS / "tutorials" / "notebooks", import_module("colab")
     shutil.rmtree(folder, ignore_errors=True)
     for notebook in sorted(NOTEBOOKS.glob("*.ipynb")):
         folder.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(notebook, folder / notebook.name)
+        text = colab.with_link(notebook.read_text(encoding="utf-8"), notebook.name, colab.this_project())
+        (folder / notebook.name).write_text(text, encoding="utf-8")
 
 
 def restructured(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:

@@ -45,6 +45,12 @@ def of_modules(modules: tuple[str, ...], home: str) -> str:
     return (EXPERIMENTAL if level else STABLE).format(home)
 
 
+def of_name(home: str) -> str:
+    """Returns the level of a public name that is defined in a module, as reStructuredText."""
+    experimental = any(f"{home}.".startswith(f"{name}.") for name in MODULES)
+    return "**Experimental.**" if experimental else "*Stable.*"
+
+
 def pages() -> dict[str, str]:
     """Returns the table of all that is experimental."""
     rows = [("methods", METHODS, "each stands for a row of the paper's survey; figures are of few recordings")]

@@ -3,6 +3,9 @@
 figures: the error, frames located and segments of each method on each recording in --data and on sim:tiny, sim:city and
     sim:indoor. Rewrites tests/accuracy/figures.json, by which test_figures.py notices what has become worse; entries
     that are not measured stay. --only and --methods choose.
+benchmark: error, drift, time for a frame and failures of the same methods on the same recordings. With --release
+    VERSION it writes the record of this version to docs/evaluation/records, once, and docs/evaluation/benchmark.md from
+    all records. With --table alone it writes that page from the records, and measures nothing.
 consistency: whether the covariances of the poses agree with their errors, over seeds of three simulations; with exact
     cameras, and with cameras whose calibration is wrong by what the methods allow for.
 uncertainty: the same in one number of every method that states a covariance, over seeds of what its sensors are
@@ -34,6 +37,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 from ispom_app.engine.outputs import json_text
@@ -41,6 +45,7 @@ from rich.console import Console
 
 from ispom.methods import names
 
+from .records import FOLDER, PAGE, STUDY, record_path
 from .soak import MIN_EXPOSURES
 from .studies import STUDIES, Options
 
@@ -55,19 +60,40 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, uncertainty and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
-    parser.add_argument("--table", type=Path, help="write the table of audit, budget, judge or sensors to this page")
+    parser.add_argument("--table", type=Path, help="write the table of a study to this page")
+    parser.add_argument("--release", default="", metavar="VERSION", help="the version whose record benchmark writes")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:
         parser.error(f"--seeds is {given.seeds}: give a value from 2 to 1000")
     if given.frames < MIN_EXPOSURES:
         parser.error(f"--frames is {given.frames}: give at least {MIN_EXPOSURES}")
+    if given.release and (why := refusal(given)):
+        parser.error(why)
     console = Console(highlight=False, markup=False, soft_wrap=True)
-    options = Options(given.data, tuple(given.methods), given.seeds, given.frames, tuple(given.only), table=given.table)
+    options = Options(
+        given.data,
+        tuple(given.methods),
+        given.seeds,
+        given.frames,
+        tuple(given.only),
+        table=given.table,
+        release=given.release,
+    )
     rows = STUDIES[given.study](console, options)
     if given.json is not None:
         given.json.write_text(json_text(rows, 2))
     return 0
+
+
+def refusal(given: argparse.Namespace) -> str:
+    """Returns why no record of this release is written; empty where it is."""
+    if given.study != STUDY:
+        return f"--release belongs to {STUDY}"
+    if given.release != version("ispom"):
+        return f"--release is {given.release}, but this is version {version('ispom')}"
+    path = record_path(given.release, (given.table or PAGE).parent / FOLDER)
+    return f"{path} exists: a record is written once, and never changed" if path.exists() else ""
 
 
 if __name__ == "__main__":

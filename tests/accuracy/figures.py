@@ -11,6 +11,7 @@ import json
 import math
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ from ispom.io.trajectories import read_tum
 from ispom.methods import BUILT_IN, Config, possible_methods
 from ispom.methods import method as registered
 from ispom.sequences import open_sequence, recognised, recordings_in
-from ispom.types import Sequence
+from ispom.types import Rig, Sequence, Trajectory
 
 FILE = Path(__file__).with_name("figures.json")
 SIMULATIONS = ("sim:tiny", "sim:city", "sim:indoor")
@@ -109,20 +110,47 @@ def methods_for(name: str, sequence: Sequence) -> list[str]:
     return [m for m in possible if name != TWO_RATE or m in INTEGRATED]
 
 
-def measure(name: str, source: str, method: str) -> Figures:
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What one method did on one recording."""
+
+    frames: int
+    """Frames that the method uses."""
+    seconds: float
+    """CPU time, decoding included."""
+    statistics: RunStatistics
+    """Its milliseconds are CPU time, too."""
+    truth: Trajectory | None
+    """world_from_rig while there are images; None without reference."""
+    rig: Rig
+    trajectory: Trajectory
+    path: float | None
+    """Length of the reference, in its unit."""
+    report: Mapping[str, Any]
+    """The method's entry of metrics.json."""
+
+    @property
+    def located(self) -> int:
+        """Frames that were localised when they came."""
+        return self.report["located"]
+
+
+def run(name: str, source: str, method: str) -> Run:
     """Runs one method with its default settings over a whole recording."""
     sequence = opened(name, source)
     used = [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).sensors]
     if sequence.prepare is not None:  # rendering is not part of the time
         for i in used:
             sequence[i]
-    started = time.process_time()
+    started = before = time.process_time()
     ensemble, statistics = build(Config(), (method,), sequence.rig), RunStatistics()
     state = ensemble.start()
     for i in used:
         state, steps = ensemble.step(state, sequence[i])
+        now = time.process_time()
         for step in steps:
-            statistics.count(method, step.time_ns, 0.0, step.status, step.restarted, step.joins, step.segment_age_ns)
+            statistics.add_step(step, 1e3 * (now - before))
+        before = now
     trajectories = ensemble.finish(state)
     seconds = time.process_time() - started
     truth, (first_ns, last_ns) = sequence.truth, sequence.times_ns[[0, -1]]
@@ -130,19 +158,38 @@ def measure(name: str, source: str, method: str) -> Figures:
         truth = truth.select((truth.times_ns >= first_ns) & (truth.times_ns <= last_ns))
     results = Results(name, sequence.notes, sequence.rig, truth, int(last_ns), trajectories)
     report = json.loads(metrics_text(results, [method], statistics))
-    found = report["methods"][method]
+    return Run(
+        len(used),
+        seconds,
+        statistics,
+        truth,
+        sequence.rig,
+        trajectories[method],
+        report.get("path_length_m"),
+        report["methods"][method],
+    )
+
+
+def measure(name: str, source: str, method: str) -> Figures:
+    """Runs one method over a recording, and returns its figures."""
+    return figures_of(run(name, source, method))
+
+
+def figures_of(done: Run) -> Figures:
+    """Returns the figures of a run."""
+    found, path = done.report, done.path
     parts = found.get("segments", [])
-    count = len(parts) if parts else int(found["located"] > 0)
-    figures = Figures(len(used), found["located"], count, _rounded(seconds, 2))
-    if truth is None:
+    count = len(parts) if parts else int(done.located > 0)
+    figures = Figures(done.frames, done.located, count, rounded(done.seconds, 2))
+    if path is None:
         return figures
-    path, ate = report["path_length_m"], found["ate_m"] if count else None  # held poses alone are no estimate
+    ate = found["ate_m"] if count else None  # held poses alone are no estimate
     return replace(
         figures,
         alignment=found["aligned"],
-        path=_rounded(path),
-        ate=None if ate is None else _rounded(ate),
-        ate_percent=None if ate is None else _rounded(100 * ate / path),
+        path=rounded(path),
+        ate=None if ate is None else rounded(ate),
+        ate_percent=None if ate is None else rounded(100 * ate / path),
         segment_ate=_over_segments(parts),
     )
 
@@ -151,11 +198,11 @@ def _over_segments(parts: list[dict[str, Any]]) -> float | None:
     """Root mean square error of segments, each weighted by its poses; those with too few poses do not count."""
     measured = [part for part in parts if part["ate_m"] is not None]
     poses = sum(part["poses"] for part in measured)
-    return _rounded(math.sqrt(sum(p["poses"] * p["ate_m"] ** 2 for p in measured) / poses)) if poses else None
+    return rounded(math.sqrt(sum(p["poses"] * p["ate_m"] ** 2 for p in measured) / poses)) if poses else None
 
 
-def _rounded(value: float, digits: int = 4) -> float:
-    """To so many significant digits."""
+def rounded(value: float, digits: int = 4) -> float:
+    """Returns the value with so many significant digits."""
     return float(f"{value:.{digits}g}")
 
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import itertools
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import msgspec
 from rich.console import Console
 
 from ispom.methods import names
 
 from . import child
 from .audit import audits_found, pairs_in, print_audit, write_audits
+from .benchmark import commit, load, machine, record, row_text, unit_pair
 from .blocks import print_blocks
 from .budget import CASES, budgets_found, print_budgets, write_budgets
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
@@ -26,6 +28,9 @@ from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .honest_scale import print_scales
 from .judge import judge_found, print_judge, recordings_in, write_judge
 from .loops import loops_found, print_loops
+from .page import write_between
+from .records import FOLDER, PAGE, STUDY, Row, append_record, read_records
+from .records import markdown as markdown_of_records
 from .sensors import print_sensors, scenes_in, sensors_found, write_sensors
 from .soak import print_soak, scenarios
 from .starts import EVERY, print_starts, starts_found
@@ -57,7 +62,9 @@ class Options:
     file: Path = FILE
     """Where figures are written to."""
     table: Path | None = None
-    """The page of the documentation whose table audit, budget, judge or sensors writes."""
+    """The page of the documentation whose table audit, benchmark, budget, judge or sensors writes."""
+    release: str = ""
+    """The version whose record benchmark writes; empty for none."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -180,24 +187,55 @@ def soak(console: Console, options: Options) -> list[dict[str, Any]]:
 
 def figures(console: Console, options: Options) -> list[dict[str, Any]]:
     """The figures of the ratchet; those that are not measured stay as they are in its file."""
-    measured, sources = [], recordings(options.data)
+    measured = []
+    for task in _runs(console, options):
+        name, method = task["name"], task["method"]
+        with child.progress(f"{name}: {method}"):
+            row = found("figures", task)
+        if "error" in row:
+            console.print(f"{name}, {method}: {row['error']}")
+            continue
+        # Written after each run: a measurement of everything takes long, and may be interrupted.
+        table = read_figures(options.file)
+        table.setdefault(name, {})[method] = Figures(**row)
+        write_figures(table, options.file)
+        print_figures(console, name, method, table[name][method])
+        measured.append({"recording": name, "method": method, **row})
+    return measured
+
+
+def _runs(console: Console, options: Options) -> Iterator[dict[str, str]]:
+    """Yields the runs wanted: name and source of the recording, and the method."""
+    sources = recordings(options.data)
     for unknown in [name for name in options.only if name not in sources]:
         console.print(f"{unknown}: skipped, it is none of {', '.join(sources)}")
     for name in [name for name in sources if not options.only or name in options.only]:
-        methods = methods_for(name, opened(name, sources[name]))
-        for method in [m for m in methods if not options.methods or m in options.methods]:
-            with child.progress(f"{name}: {method}"):
-                row = found("figures", {"name": name, "source": sources[name], "method": method})
+        for method in methods_for(name, opened(name, sources[name])):
+            if not options.methods or method in options.methods:
+                yield {"name": name, "source": sources[name], "method": method}
+
+
+def benchmark(console: Console, options: Options) -> list[dict[str, Any]]:
+    """The record of a release, and the page of all records; without a release the page, or else the figures only."""
+    page = options.table or PAGE
+    rows = list[Row]()
+    if options.release or options.table is None:
+        code, loads = commit(), [load()]
+        for task in _runs(console, options):
+            with child.progress(f"{task['name']}: {task['method']}"):
+                row = found("benchmark", task)
             if "error" in row:
-                console.print(f"{name}, {method}: {row['error']}")
-                continue
-            # Written after each run: a measurement of everything takes long, and may be interrupted.
-            table = read_figures(options.file)
-            table.setdefault(name, {})[method] = Figures(**row)
-            write_figures(table, options.file)
-            print_figures(console, name, method, table[name][method])
-            measured.append({"recording": name, "method": method, **row})
-    return measured
+                row = {"recording": task["name"], "method": task["method"], "failed": row["error"]}
+            rows.append(msgspec.convert(row, Row))
+            loads.append(load())
+            console.print(row_text(rows[-1]))
+        if options.release:
+            unit = found("benchmark", {"unit": unit_pair(options.data)})
+            left_out = set(read_figures()) - {row.recording for row in rows}
+            append_record(record(options.release, code, machine(unit, loads), rows, left_out), page.parent / FOLDER)
+    if options.release or options.table is not None:
+        write_between(page, STUDY, markdown_of_records(read_records(page.parent / FOLDER)))
+    return [msgspec.to_builtins(row) for row in rows]
 
 
 def scale(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -247,6 +285,7 @@ def sensors(console: Console, options: Options) -> list[dict[str, Any]]:
         print_sensors(console, sensors_found(measured))
         if options.table is not None:
             write_sensors(options.table, sensors_found(measured))
+    return measured
 
 
 def judge(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -297,6 +336,7 @@ def rows_of(console: Console, what: str, module: str, task: dict[str, Any]) -> l
 STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = MappingProxyType(
     {
         "figures": figures,
+        "benchmark": benchmark,
         "consistency": consistency,
         "uncertainty": uncertainty,
         "gaps": gaps,

@@ -221,6 +221,14 @@ def test_what_is_experimental_is_said_once_and_exists(generated: dict[str, str])
         assert ("**Experimental**" in page) == (name in SURVEY)
     api = generated["reference/python_api.md"]
     assert api.count("stability.md") == len(re.findall(r"^## ", api, re.MULTILINE))
+    blocks = {
+        block.split("\n")[0]: block for block in re.split(r"^\.\. auto\w+:: ispom\.", api, flags=re.MULTILINE)[1:]
+    }
+    assert blocks.keys() == ispom._HOME_OF.keys() == set(ispom.__all__)
+    for name, home in ispom._HOME_OF.items():
+        experimental = any(f"{home}.".startswith(f"{each}.") for each in stability.MODULES)
+        levels = re.findall(r"^   (\*\*Experimental\.\*\*|\*Stable\.\*)$", blocks[name], re.MULTILINE)
+        assert levels == ["**Experimental.**" if experimental else "*Stable.*"], name
 
 
 def test_sentences_are_short() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ispom.types import Measurement, Status, images_of
+from ispom.types import Measurement, Status, Step, images_of
 
 from ..events import Stepped
 from ..verdict import missing
@@ -55,10 +55,13 @@ class RunStatistics:
         self.images.add(event.exposure)
         self.skipped += [event.skipped] if event.skipped else []
         for step in event.steps:
-            ms = 1000 * sum(step.seconds.values())
-            if not self.located.get(step.method) and step.status != Status.TRACKING and (why := missing(step)):
-                self.waits[step.method] = why
-            self.count(step.method, step.time_ns, ms, step.status, step.restarted, step.joins, step.segment_age_ns)
+            self.add_step(step, 1000 * sum(step.seconds.values()))
+
+    def add_step(self, step: Step, ms: float) -> None:
+        """One step of one method, which took so many milliseconds."""
+        if not self.located.get(step.method) and step.status != Status.TRACKING and (why := missing(step)):
+            self.waits[step.method] = why
+        self.count(step.method, step.time_ns, ms, step.status, step.restarted, step.joins, step.segment_age_ns)
 
     def count(
         self,
