@@ -97,10 +97,13 @@ def test_the_workflow_keeps_the_versions_that_are_in_the_branch(tmp_path: Path) 
         git("commit", "--quiet", "--allow-empty", "-m", "code", at=clone)
         git("push", "--quiet", "origin", "HEAD:main", at=clone)
         built(clone / "docs" / "_build", version)
+        for name in ("lessons", "failures"):
+            (clone.parent / name).mkdir()
+            (clone.parent / name / f"{version}.html").write_text("")
         done = subprocess.run(
             ["bash", "-e", "-o", "pipefail", "-c", script],
             cwd=clone,
-            env={**environment, "GITHUB_REF_NAME": f"v{version}"},
+            env={**environment, "GITHUB_REF_NAME": f"v{version}", "RUNNER_TEMP": str(clone.parent)},
             capture_output=True,
             text=True,
             check=False,
@@ -108,5 +111,9 @@ def test_the_workflow_keeps_the_versions_that_are_in_the_branch(tmp_path: Path) 
         assert done.returncode == 0, done.stderr
     names = git("ls-tree", "-r", "--name-only", "gh-pages", at=origin).split()
     assert {"0.1.0/0.1.0.html", "0.2.0/0.2.0.html", "latest/0.2.0.html", "versions.js", "index.html"} <= set(names)
+    assert [name for name in names if name.startswith(("lessons/", "failures/"))] == [
+        "failures/0.2.0.html",
+        "lessons/0.2.0.html",
+    ]
     assert "latest/0.1.0.html" not in names and not [name for name in names if name.startswith("docs/")]
     assert git("rev-list", "--count", "gh-pages", at=origin).strip() == "2"
