@@ -20,7 +20,7 @@ from ispom.sequences.recorded_sensors import AUTO, NONE
 from ...engine.outputs import MARKER, claim_folder, json_of
 from ...engine.playback import Builder
 from ...engine.run_folder.run_file import RunFile, read_run_file
-from ...engine.run_folder.run_folder import RUN, trajectory_file
+from ...engine.run_folder.run_folder import RUN, repaired, trajectory_file
 from ...engine.signals import terminable
 from ...session.review.stored import StoredSource, stored_source
 from ..report.blocks import Table
@@ -76,7 +76,7 @@ def described(folder: Path, moved_to: str | None) -> tuple[Passport, Run]:
             "the same by `ispom run` or `ispom fork`, and give the folder that it writes"
         )
     file, run = read_run_file(folder), read_run(folder, folder.name)
-    if file.images_sha256 is None:
+    if file.images_sha256 is None or repaired(folder):
         raise InputError(f"{folder} holds a run that did not come to its end, which cannot be repeated: run it again")
     require_no_files(folder, file)
     missing = [name for name in with_dependencies(run.metrics) if name not in file.config]
@@ -86,7 +86,7 @@ def described(folder: Path, moved_to: str | None) -> tuple[Passport, Run]:
     source = stored_source(folder, file, moved_to)
     how = source.options
     roots = roots_of(source.source, how.camera, how.sensors)
-    files = files_read(source.source, source.opened, file.images_sha256, roots)
+    files = files_read(source, file.images_sha256, roots)
     try:
         found = Passport(
             VERSION,

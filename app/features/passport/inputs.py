@@ -7,7 +7,7 @@ that folder, such as KITTI's poses, are those that the source itself reads there
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from ispom.errors import InputError, counted
@@ -16,8 +16,8 @@ from ispom.sequences.recorded_sensors import AUTO, NONE
 from ispom.stop import check_stop
 from ispom.types import Sequence
 
-from ...session.review.stored import compared, place_of
-from .written import InputFile, Place
+from ...session.review.stored import StoredSource, compared, place_of
+from .written import InputFile, Place, Source
 
 NAMED = 4
 """Files that a sentence names; the others are counted."""
@@ -47,15 +47,13 @@ def key_of(path: Path, roots: Roots) -> Key:
     return "source", Path(os.path.relpath(here, roots["source"])).as_posix() if roots else path.name
 
 
-def files_read(
-    source: str, open_source: Callable[[], Sequence], images_sha256: str, roots: Roots
-) -> tuple[InputFile, ...]:
+def files_read(found: StoredSource, images_sha256: str, roots: Roots) -> tuple[InputFile, ...]:
     """Returns all files that a source reads. Raises InputError where its images are not those of the digest; those of
     a simulation are not made for that."""
     with noted() as paths:
-        sequence = open_source()
-        if not source.startswith("sim:"):
-            compared(sequence, images_sha256, source).load(0)
+        sequence = found.opened()
+        if not found.source.startswith("sim:"):
+            compared(sequence, images_sha256, found.source).load(0)
     files = {key_of(path, roots): path for path in paths}
     return tuple(_listed(*key, path) for key, path in sorted(files.items()))
 
@@ -65,19 +63,18 @@ def _listed(place: Place, name: str, path: Path) -> InputFile:
     return InputFile(place, name, require_file(path), sha256_of(path))
 
 
-def open_same(
-    source: str, open_source: Callable[[], Sequence], images_sha256: str, files: Iterable[InputFile], roots: Roots
-) -> Sequence:
-    """Returns the sequence of a source whose files are those of a list. Raises InputError that names the files which
-    differ, are missing, or are read and not in the list."""
-    expected: dict[Key, InputFile] = {(each.place, each.name): each for each in files}
+def open_same(found: StoredSource, recorded: Source, roots: Roots) -> Sequence:
+    """Returns the sequence of a source whose files are those of a passport. Raises InputError that names the files
+    which differ, are missing, or are read and not in the passport."""
+    source = found.source
+    expected: dict[Key, InputFile] = {(each.place, each.name): each for each in recorded.files}
     near: dict[Key, Path] = {key: path for key in expected if (path := _below(key, roots)) is not None}
-    _require(source, _differences(expected, near))
+    _require(source, _differences({key: expected[key] for key in near}, near))
     with noted() as paths:
-        sequence = open_source()
-        read = {key_of(path, roots): path for path in paths}
-        if expected.keys() - near.keys() - read.keys() and not source.startswith("sim:"):
-            compared(sequence, images_sha256, source).load(0)
+        sequence = found.options.open(source)
+        missing = expected.keys() - near.keys() - {key_of(path, roots) for path in paths}
+        if missing and not source.startswith("sim:"):  # images beside the source are read one by one
+            compared(sequence, recorded.images_sha256, source).load(0)
     read = {key_of(path, roots): path for path in paths}
     others = {key: each for key, each in expected.items() if key not in near}
     more = (f"{name} is read, too" for _, name in sorted(read.keys() - expected.keys()))

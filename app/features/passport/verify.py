@@ -50,28 +50,22 @@ def verify(options: Options, builder: Builder = build) -> int:
     require_no_files(folder / PASSPORT, run)
     source = _source(options, folder, passport, run)
     roots = roots_of(source.source, source.options.camera, source.options.sensors)
-    with confined(source.places), terminable(), TemporaryDirectory(prefix="ispom-passport-") as place:
-        sequence = open_same(
-            source.source,
-            lambda: source.options.open(source.source),
-            passport.source.images_sha256,
-            passport.source.files,
-            roots,
-        )
+    with terminable(), TemporaryDirectory(prefix="ispom-passport-") as place:
         out = Path(place) / "run"
-        if methods:
-            origin = Origin(run, folder, run.earlier) if run.forked else None
-            command = RunCommand(
-                source=source.source,
-                methods=methods,
-                settings=settings_of(config),
-                out=out,
-                recording=False,
-                frame=passport.options.frame,
-                until=passport.options.until,
-                **vars(source.options),
-            )
-            played_into(command, sequence, builder, origin)
+        with confined(source.places):
+            sequence = open_same(source, passport.source, roots)
+            if methods:
+                command = RunCommand(
+                    source=source.source,
+                    methods=methods,
+                    settings=settings_of(config),
+                    out=out,
+                    recording=False,
+                    frame=passport.options.frame,
+                    until=passport.options.until,
+                    **vars(source.options),
+                )
+                played_into(command, sequence, builder, Origin(run, folder, run.earlier) if run.forked else None)
         answers = _answers(folder, passport, read_run(out, "") if methods else None, reasons)
         notes = [*_machines(run, read_run_file(out))] if methods else []
     codes = {answer.code for answer in answers}
