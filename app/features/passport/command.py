@@ -136,9 +136,7 @@ def _write(to: Path, found: Passport, run: Run) -> None:
             (to / trajectory_file(name)).unlink(missing_ok=True)  # of an earlier passport
     table = results([run])[0]
     assert isinstance(table, Table)
-    located = ["frames located", *(f"{e.get('located')} of {e.get('frames')}" for e in run.metrics.values())]
-    shown = Table(table.head, [located, *table.rows])
-    write_whole(to / README, readme(found, shown))
+    write_whole(to / README, readme(found, table))
     write_whole(to / CITATION, citation(found))
     content = json_of(found).encode()
     write_whole(to / MARKER, mark_of(content))

@@ -55,7 +55,9 @@ def citation(passport: Passport) -> str:
 
 def readme(passport: Passport, results: Table) -> str:
     """Returns the content of README.md; `results` are the figures of the run."""
-    return "\n".join((*_what(passport), *_how(passport), *_results(results), *_made_with(passport), *_files(passport)))
+    return "\n".join(
+        (*_what(passport), *_how(passport), *_results(passport, results), *_made_with(passport), *_files(passport))
+    )
 
 
 def _what(passport: Passport) -> Iterator[str]:
@@ -66,7 +68,8 @@ def _what(passport: Passport) -> Iterator[str]:
         "This folder describes a run of visual odometry. With it you can repeat the run, check that you get the same "
         f"poses, and cite it. The run saw {frames} measurements of `{printable(source.address)}`."
     )
-    yield from ("", *(f"- {printable(note)}" for note in source.notes))
+    if source.notes:
+        yield from ("", *(f"- {printable(note)}" for note in source.notes))
 
 
 def _how(passport: Passport) -> Iterator[str]:
@@ -103,8 +106,11 @@ def _command(passport: Passport, simulated: bool) -> list[str]:
     return [*words, *flags(options, {**vars(RunCommand(source=source)), "sensors": "auto", "topics": ()})]
 
 
-def _results(results: Table) -> Iterator[str]:
-    yield from ("", "## Results", "", *_table(results.head, results.rows))
+def _results(passport: Passport, results: Table) -> Iterator[str]:
+    located = (f"{each.figures.get('located')} of {each.figures.get('frames')}" for each in passport.outputs)
+    lengths = (f"{each.length:.4g} {'m' if each.unit == 'metric' else '(own unit)'}" for each in passport.outputs)
+    rows = (["frames located", *located], ["length of the path", *lengths], *results.rows)
+    yield from ("", "## Results", "", *_table(results.head, rows))
 
 
 def _made_with(passport: Passport) -> Iterator[str]:
