@@ -14,7 +14,7 @@ from ispom.errors import InputError, counted
 from ispom.io.files import exists, expanded, is_below, noted, require_file, sha256_of
 from ispom.sequences.recorded_sensors import AUTO, NONE
 from ispom.stop import check_stop
-from ispom.types import Sequence
+from ispom.types import FRAME_KINDS, Sequence
 
 from ...session.review.stored import StoredSource, compared, place_of
 from .written import InputFile, Place, Source
@@ -63,9 +63,10 @@ def _listed(place: Place, name: str, path: Path) -> InputFile:
     return InputFile(place, name, require_file(path), sha256_of(path))
 
 
-def open_same(found: StoredSource, recorded: Source, roots: Roots) -> Sequence:
+def open_same(found: StoredSource, recorded: Source, roots: Roots, whole: bool) -> Sequence:
     """Returns the sequence of a source whose files are those of a passport. Raises InputError that names the files
-    which differ, are missing, or are read and not in the passport."""
+    which differ, are missing, or are read and not in the passport, and where a run over the `whole` source had another
+    number of frames."""
     source = found.source
     expected: dict[Key, InputFile] = {(each.place, each.name): each for each in recorded.files}
     near: dict[Key, Path] = {key: path for key in expected if (path := _below(key, roots)) is not None}
@@ -79,6 +80,10 @@ def open_same(found: StoredSource, recorded: Source, roots: Roots) -> Sequence:
     others = {key: each for key, each in expected.items() if key not in near}
     more = (f"{name} is read, too" for _, name in sorted(read.keys() - expected.keys()))
     _require(source, [*_differences(others, read), *more])
+    for kind in FRAME_KINDS if whole else ():
+        here, there = sequence.kinds.count(kind), recorded.frames.get(kind, 0)
+        if here != there:
+            raise InputError(f"{source} has {here} {kind} frames, but the run had {there}: give the run's own")
     return sequence
 
 

@@ -53,7 +53,7 @@ def verify(options: Options, builder: Builder = build) -> int:
     with terminable(), TemporaryDirectory(prefix="ispom-passport-") as place:
         out = Path(place) / "run"
         with confined(source.places):
-            sequence = open_same(source, passport.source, roots)
+            sequence = open_same(source, passport.source, roots, passport.options.until is None)
             if methods:
                 command = RunCommand(
                     source=source.source,

@@ -192,6 +192,14 @@ def test_a_file_that_came_later_is_named(tmp_path: Path, capsys: pytest.CaptureF
     assert "poses/07.txt is read, too" in capsys.readouterr().err
 
 
+def test_more_images_than_the_run_had_are_another_source(tmp_path: Path) -> None:
+    images, made = make_images(tmp_path / "data", FRAMES), tmp_path / "passport"
+    assert ispom("passport", run(images, tmp_path / "run", "--methods", "monocular"), "--to", made) == 0
+    last = max(images.glob("*.png"))
+    shutil.copy(last, last.with_stem(f"{int(last.stem) + 1:0{len(last.stem)}d}"))
+    assert ispom("passport", "--verify", made) == 2
+
+
 def test_other_poses_give_their_distance(made: Path, drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert ispom("passport", "--verify", made, builder=shifted) == 1
@@ -402,13 +410,28 @@ def test_a_mutated_value_is_one_sentence_or_an_answer(
     require_an_answer(made, drive, capsys)
 
 
-@pytest.mark.parametrize("number", range(30))
+@pytest.mark.parametrize("number", range(40))
 def test_a_mutated_file_is_one_sentence_or_an_answer(
     made: Path, drive: Path, number: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     random = Random(number)
     mutate(random.choice([made / PASSPORT, made / PASSPORT, made / "stereo.tum", made / MARKER]), random)
     require_an_answer(made, drive, capsys)
+
+
+@pytest.mark.parametrize("number", range(40))
+def test_of_a_mutated_run_there_is_a_passport_or_one_sentence(
+    drive: Path, tmp_path: Path, number: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    random, out = Random(number), run(drive, tmp_path / "run")
+    files = ["run.yaml", "run.yaml", "run.yaml", "metrics.json", "steps.csv", "stereo.tum", "decisions.csv", "rig.yaml"]
+    mutate(out / random.choice(files), random)
+    capsys.readouterr()
+    code = ispom("passport", out, "--source", drive, "--to", tmp_path / "to")
+    said = capsys.readouterr()
+    assert code == 0 or (code == 2 and said.err.startswith("ispom: ") and said.err.count("\n") == 1), said.err
+    if code == 0:
+        require_an_answer(tmp_path / "to", drive, capsys)
 
 
 def require_an_answer(made: Path, drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
