@@ -108,5 +108,5 @@ def _require(source: str, wrong: Iterable[str]) -> None:
     if faults := list(wrong):
         more = f", and {counted(len(faults) - NAMED, 'more file')}" if len(faults) > NAMED else ""
         raise InputError(
-            f"{source} has not the files that the run had: {', '.join(faults[:NAMED])}{more}: give the run's own"
+            f"the files of {source} are not those of the run: {', '.join(faults[:NAMED])}{more}; give the run's own"
         )
