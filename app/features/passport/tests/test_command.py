@@ -295,6 +295,22 @@ def test_a_calibration_elsewhere_is_asked_for(tmp_path: Path) -> None:
     assert ispom("passport", out, "--to", tmp_path / "b", "--source", images) == 2, "its calibration is gone"
 
 
+def test_other_sensors_elsewhere_are_files_of_the_run(drive: Path, tmp_path: Path) -> None:
+    place, made = tmp_path / "gnss", tmp_path / "passport"
+    place.mkdir()
+    (place / "fixes.csv").write_text("time_s,x,y,z\n" + "".join(f"{i / 10},0,0,{i}\n" for i in range(FRAMES)))
+    mount = "rig_from_gnss: {translation_m: [0, 0, 0], rotation_xyzw: [0, 0, 0, 1]}"
+    (place / "sensors.yaml").write_text(f"gnss: {{file: fixes.csv, sigma_m: 1, {mount}}}\n")
+    out = run(drive, tmp_path / "run", "--sensors", place / "sensors.yaml")
+    assert ispom("passport", out, "--to", made) == 0
+    files = {(each["place"], each["name"]) for each in content(made)["source"]["files"]}
+    assert {("sensors", "sensors.yaml"), ("sensors", "fixes.csv")} <= files
+    assert ispom("passport", "--verify", made, "--source", drive) == 2
+    assert ispom("passport", "--verify", made, "--source", drive, "--sensors", place / "sensors.yaml") == 0
+    (place / "fixes.csv").write_text((place / "fixes.csv").read_text().replace("0.1,0", "0.1,5"))
+    assert ispom("passport", "--verify", made, "--source", drive, "--sensors", place / "sensors.yaml") == 2
+
+
 def test_a_simulation_needs_no_source(tmp_path: Path) -> None:
     out = run("sim:tiny", tmp_path / "run", "--max-exposures", 4)
     assert ispom("passport", out, "--to", tmp_path / "passport") == 0
