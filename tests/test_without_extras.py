@@ -36,6 +36,7 @@ WORKS = {
     "loops": ["sim:tiny?duration_s=1", "--methods", "stereo", "--out", OUT],
     "map": [RUN, "--out", OUT],
     "new-method": ["mine", "--out", OUT],
+    "passport": [RUN, "--to", OUT],
     "perturb": [RUN],
     "publish": [RUN, "--out", OUT],
     "repair": [RUN],

@@ -128,6 +128,13 @@ COMMANDS = Registry(
         ),
         Command("export", ".features.export.options:Export", ".features.export.export:export"),
         Command("report", ".features.report.options:Report", ".features.report.command:report"),
+        Command(
+            "passport",
+            ".features.passport.options:Passport",
+            ".features.passport.command:passport",
+            B,
+            writes=".features.passport.written:Passport",
+        ),
         Command("publish", ".features.publish.options:Publish", ".features.publish.command:publish", B),
         Command("map", ".features.mapping.options:Map", ".features.mapping.command:make_map"),
         Command("perturb", ".features.sensitivity.options:Perturb", ".features.sensitivity.perturb:perturb", B),

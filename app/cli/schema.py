@@ -16,7 +16,7 @@ from .commands import COMMANDS
 @dataclass(frozen=True, kw_only=True)
 class Schema:
     """Prints the JSON schema of what a command writes as JSON: judge, evaluate, doctor, triage, shrink, undecided,
-    budget or loops."""
+    budget, loops or passport."""
 
     command: tyro.conf.Positional[str]
     """Name of the command."""

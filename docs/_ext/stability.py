@@ -13,6 +13,7 @@ COMMANDS = {
     "judge": "its limits come from few recordings",
     "loops": "what-if decisions",
     "mcp": "tools for agents are added and renamed",
+    "passport": "new; its file has a version",
     "publish": "the published page",
     "shrink": "the folder that it writes",
     "triage": "groups and their words",

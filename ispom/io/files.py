@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
 from collections.abc import Iterator
@@ -47,6 +48,22 @@ def confined(places: Places) -> Iterator[None]:
         yield
     finally:
         _CONFINED.reset(token)
+
+
+_READ: list[set[Path]] = []
+"""The sets of all `noted` that go on."""
+
+
+@contextmanager
+def noted() -> Iterator[set[Path]]:
+    """Collects the regular files that are opened in its context, by any thread, as the paths by which they were named:
+    what a recording consists of."""
+    found = set[Path]()
+    _READ.append(found)
+    try:
+        yield found
+    finally:
+        _READ[:] = [each for each in _READ if each is not found]
 
 
 def confinement() -> Places:
@@ -123,6 +140,8 @@ def require_file(path: Path) -> int:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "no regular file")
         raise InputError(f"{path} is {kind}: give a regular file in its place")
+    for found in _READ:
+        found.add(path)
     return status.st_size
 
 
@@ -157,6 +176,12 @@ def opened(path: Path) -> Iterator[BufferedReader]:
             yield file
     except OSError as error:
         raise _unreadable(path, error) from None
+
+
+def sha256_of(path: Path) -> str:
+    """Returns the SHA-256 of a regular file, as hexadecimal digits. Raises InputError where it cannot be read."""
+    with opened(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _require_inside(path: Path) -> None:

@@ -16,6 +16,7 @@ import yaml
 from ispom_app.cli.main import main
 from ispom_app.engine.playback import Builder
 from ispom_app.engine.run_folder.results import in_frame
+from ispom_app.engine.run_folder.run_file import read_run_file
 from ispom_app.engine.run_folder.run_folder import MARKER
 from ispom_app.features.headless import console
 from ispom_app.features.report.folder import read_run
@@ -234,6 +235,7 @@ def test_a_run_stops_where_the_condition_holds(drive: str, tmp_path: Path, capsy
     last, time_s = run_file["stopped"]["exposure"], run_file["stopped"]["time_ns"] / 1e9
     assert run_file["options"]["until"] == condition and sum(run_file["exposures"].values()) == last + 1
     assert run_file["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
+    assert read_run_file(tmp_path / "a").stopped == run_file["stopped"]
     sentence = f"stopped at frame {last} ({time_s:.3f} s) by --until {condition}: "
     assert f"{sentence}monocular.key_frame yes, exposure {last}\n" in capsys.readouterr().out
     assert names(tmp_path / "a") == FILES | {"run.rrd"}

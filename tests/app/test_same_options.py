@@ -15,7 +15,7 @@ SAME = {
     "scheduler": {"experiment", "gate", "triage"},
     "shard": {"experiment", "triage"},
     "max_exposures": {"run", "app", "experiment", "gate", "triage", "grade", "shrink", "loops"},
-    "source": {"blame", "budget", "doctor", "fork", "loops", "map", "perturb", "shrink"},
+    "source": {"blame", "budget", "doctor", "fork", "loops", "map", "passport", "perturb", "shrink"},
     "repair": {"app", "diff", "evaluate", "export", "map", "perturb", "publish", "report"},
     "seeds": {"experiment", "gate"},
     "recordings": {"experiment", "gate"},

@@ -15,7 +15,9 @@ WRITING = [name for name, command in COMMANDS.items().items() if command.writes 
 
 
 def test_those_that_examine_trajectories_and_runs_have_a_schema() -> None:
-    assert {"evaluate", "judge", "doctor", "triage", "shrink", "undecided", "budget", "loops"} <= set(WRITING)
+    assert {"evaluate", "judge", "doctor", "triage", "shrink", "undecided", "budget", "loops", "passport"} <= set(
+        WRITING
+    )
 
 
 @pytest.mark.parametrize("name", WRITING)

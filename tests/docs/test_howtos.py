@@ -9,7 +9,7 @@ import pytest
 from tests.docs.commands import command_lines
 from tests.docs.examples import HOWTO, commands, marks
 
-PAGES = ("evaluate", "judge", "doctor", "triage", "shrink", "undecided", "budget", "loops")
+PAGES = ("evaluate", "judge", "doctor", "triage", "shrink", "undecided", "budget", "loops", "passport")
 MOST_WORDS = 300
 
 

@@ -28,7 +28,9 @@ from .run_folder import RUN
 RunFrame = Literal["rig", "left", "video"]
 """Whose poses a run may write."""
 FRAMES: tuple[RunFrame, ...] = get_args(RunFrame)
-PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "embreex", "rerun-sdk")
+PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "embreex", "open3d", "open3d-cpu")
+PACKAGES += ("rerun-sdk",)
+"""Whose versions may change numbers or files of a run. Open3D is called `open3d-cpu` where it has no GPU's code."""
 _NEEDED = {"source": str, "sequence": str, "notes": list, "options": dict, "config": dict, "versions": dict}
 
 
@@ -52,6 +54,8 @@ class RunFile:
     """Of all images that the estimators saw; None where the run did not come to its end."""
     versions: Mapping[str, str] = field(default_factory=dict)
     platform: str = ""
+    processor: str = ""
+    """Its model; empty where the run of an earlier version does not say."""
     forked: list[Mapping[str, Any]] = field(default_factory=list)
     """What ran before this run's settings, oldest first: {run, at, methods, config}; see `earlier`."""
     stopped: Mapping[str, Any] | None = None
@@ -127,6 +131,7 @@ def run_file(
         images_sha256,
         {"python": platform.python_version(), **versions()},
         platform.platform(),
+        processor(),
         list(forked),
         stopped,
         list(placements),
@@ -161,6 +166,16 @@ def versions() -> dict[str, str]:
     return found
 
 
+def processor() -> str:
+    """The model of this machine's processor, on which rounding may depend; its kind where the system names no model."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
+            name, _, model = line.partition(":")
+            if name.strip() == "model name":
+                return model.strip()
+    return platform.processor() or platform.machine()
+
+
 def read_run_file(folder: Path) -> RunFile:
     """InputError where the folder holds no run, or its run.yaml is not as written. Nothing in it is trusted."""
     path = folder / RUN
@@ -181,18 +196,26 @@ def read_run_file(folder: Path) -> RunFile:
     placements = found.get("placements", [])
     if not isinstance(placements, list) or not all(isinstance(entry, dict) for entry in placements):
         raise InputError(f"{path} has no placements as `ispom run` writes them: restore the file, or run again")
-    exposures, images, machine = found.get("exposures"), found.get("images_sha256"), found.get("platform")
-    duration_s = found.get("duration_s")
+    stopped = found.get("stopped")
+    if stopped is not None and not (isinstance(stopped, dict) and type(stopped.get("exposure")) is int):
+        raise InputError(f"{path} does not say where the run was stopped as `ispom run` writes it: restore the file")
+    exposures, images, duration_s = found.get("exposures"), found.get("images_sha256"), found.get("duration_s")
     return RunFile(
         **{name: found[name] for name in _NEEDED},
         exposures=exposures if isinstance(exposures, dict) else {},
         duration_s=float(duration_s) if isinstance(duration_s, int | float) else 0.0,
         images_sha256=images if isinstance(images, str) else None,
-        platform=machine if isinstance(machine, str) else "",
+        platform=_text(found.get("platform")),
+        processor=_text(found.get("processor")),
         forked=forked,
+        stopped=stopped,
         placements=placements,
         own=is_signed(text),
     )
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else ""
 
 
 def _require_plain(path: Path, value: Any, depth: int) -> None:

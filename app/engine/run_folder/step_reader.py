@@ -7,11 +7,10 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import TextIOWrapper
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, BinaryIO, get_args
 
 from ispom.errors import InputError
 from ispom.io.files import exists, opened
@@ -23,6 +22,7 @@ from ..history.quantity import Value
 from .digests import DIGESTS
 from .run_folder import DECISIONS, STEPS
 from .step_log import DECISION_COLUMNS, STEP_COLUMNS
+from .table import LONGEST_LINE
 
 Record = tuple[int, dict[str, str]]
 """Number of the line, and the cells by column."""
@@ -58,13 +58,21 @@ def stored_steps(folder: Path) -> Iterator[Iterator[StoredStep]]:
     with opened(folder / STEPS) as steps, opened(folder / DECISIONS) as decisions:
         yield _joined(
             folder,
-            _records(folder / STEPS, TextIOWrapper(steps, "utf-8", newline=""), STEP_COLUMNS),
-            _records(folder / DECISIONS, TextIOWrapper(decisions, "utf-8", newline=""), DECISION_COLUMNS),
+            _records(folder / STEPS, _lines(folder / STEPS, steps), STEP_COLUMNS),
+            _records(folder / DECISIONS, _lines(folder / DECISIONS, decisions), DECISION_COLUMNS),
         )
 
 
-def _records(path: Path, file: TextIOWrapper, columns: tuple[str, ...]) -> Iterator[Record]:
-    reader = csv.DictReader(file, strict=True)
+def _lines(path: Path, file: BinaryIO) -> Iterator[str]:
+    """One at a time, and none that is longer than we write: a large file without line ends is no table."""
+    while line := file.readline(LONGEST_LINE):
+        if len(line) == LONGEST_LINE:
+            raise InputError(f"{path} has a line of more than {LONGEST_LINE >> 20} MB, so it is no table: run again")
+        yield line.decode()
+
+
+def _records(path: Path, lines: Iterator[str], columns: tuple[str, ...]) -> Iterator[Record]:
+    reader = csv.DictReader(lines, strict=True)
     try:
         named = tuple(reader.fieldnames or ())
         if named != tuple(name for name in columns if name in named or name not in LATER):

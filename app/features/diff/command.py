@@ -59,7 +59,12 @@ def _flat(run: RunFile, methods: tuple[str, ...]) -> dict[str, Any]:
     found["images_sha256"] = run.images_sha256
     for method in methods:
         found |= dict(_leaves(method, run.config.get(method)))
-    return {**found, **dict(_leaves("versions", run.versions)), "platform": run.platform}
+    return {**found, **machine_of(run)}
+
+
+def machine_of(run: RunFile) -> dict[str, Any]:
+    """Returns versions, platform and processor of a run, by the names under which they are compared."""
+    return {**dict(_leaves("versions", run.versions)), "platform": run.platform, "processor": run.processor}
 
 
 def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.io.files import exists, opened
+from ispom.io.files import exists, sha256_of
 from ispom.io.files import names as names_in
 from ispom.io.rig import read_rig
 from ispom.io.rows import read_text
@@ -92,7 +91,7 @@ def read_run(path: Path, label: str) -> Run:
         truth if truth is not None and len(truth) else None,
         steps,
         decisions,
-        {name: _sha256(path / name) for name in names_in(path) if name.endswith(HASHED)},
+        {name: sha256_of(path / name) for name in names_in(path) if name.endswith(HASHED)},
         tuple(read_events(path / EVENTS)) if exists(path / EVENTS) else None,
     )
 
@@ -110,8 +109,3 @@ def _metrics(path: Path) -> tuple[dict[str, dict[str, Any]], float | None]:
         raise InputError(f"{path}: {unknown[0][:40]!r} is none of {', '.join(names())}: restore the file, or run again")
     length = found.get("path_length_m")
     return {m: methods[m] for m in names() if m in methods}, length if isinstance(length, int | float) else None
-
-
-def _sha256(path: Path) -> str:
-    with opened(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

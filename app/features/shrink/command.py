@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -18,7 +17,7 @@ from ispom.ensemble import build
 from ispom.errors import InputError, counted, printable
 from ispom.io.files import confined, exists, expanded, is_folder
 from ispom.io.whole import write_whole
-from ispom.methods import method, with_dependencies
+from ispom.methods import with_dependencies
 from ispom.sequences.recorded_sensors import NONE
 from ispom.stop import check_stop
 from ispom.types import Sequence
@@ -31,6 +30,7 @@ from ...engine.run_folder.statistics import ImagesDigest
 from ...engine.signals import terminable
 from ...presentation import colours
 from ..headless.console import compile_first
+from ..headless.words import run_words
 from .cut import cut, frame_times
 from .expected import EXPECTED, Event, Expected, Part, read_expected
 from .options import Shrink
@@ -102,31 +102,6 @@ def verify(options: Shrink, builder: Builder = build) -> int:
     return 0
 
 
-def run_words(expected: Expected, folder: str) -> list[str]:
-    """Returns the command that runs a clip, with every setting that is not its default."""
-    words = ["ispom", "run", folder, "--methods", *expected.methods]
-    words += [word for each in expected.external for word in ("--external", each)]
-    for name, values in expected.config.items():
-        words += _flags(name, values, asdict(method(name).config()))
-    return words
-
-
-def _flags(where: str, values: dict[str, Any], defaults: dict[str, Any]) -> Iterator[str]:
-    for name, value in values.items():
-        flag = name.replace("_", "-")
-        if isinstance(value, dict) and isinstance(defaults.get(name), dict):
-            yield from _flags(f"{where}.{flag}", value, defaults[name])
-        elif value != defaults.get(name):
-            yield from (
-                [f"--{where}.{'' if value else 'no-'}{flag}"]
-                if isinstance(value, bool)
-                else (
-                    f"--{where}.{flag}",
-                    str(value),
-                )
-            )
-
-
 def _written(options: Shrink, subject: Subject, found: Found) -> Expected | None:
     """Writes the clip; None where its event does not happen in what is written."""
     bench, clip = found.bench, found.shrunk.clip
@@ -136,7 +111,7 @@ def _written(options: Shrink, subject: Subject, found: Found) -> Expected | None
     if event is None:
         return None
     expected = _expected(options, subject, found, event, _digest(sequence))
-    words = run_words(expected, ".")
+    words = run_words(".", expected.methods, expected.config, expected.external)
     words += ["--sensors", SENSOR_FILE] if has_sensors(options.out) else []
     write_whole(options.out / COMMAND, f"{shlex.join(words)}\n")
     write_whole(options.out / README, _readme(expected, shlex.join(words)))

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.run_events.stretch import events_in
-from ispom_app.features.shrink.command import COMMAND, NOT_AGAIN, README, run_words
+from ispom_app.features.headless.words import run_words
+from ispom_app.features.shrink.command import COMMAND, NOT_AGAIN, README
 from ispom_app.features.shrink.expected import EXPECTED, Expected
 
 from ispom.ensemble import Ensemble
@@ -180,7 +181,7 @@ def test_settings_and_programs_are_in_the_command(clip: Path) -> None:
     values = dict(found.config[name])
     key, value = next((k, v) for k, v in values.items() if isinstance(v, bool))
     changed = msgspec.structs.replace(found, config={name: {**values, key: not value}}, external=("mine=run me",))
-    words = run_words(changed, ".")
+    words = run_words(".", changed.methods, changed.config, changed.external)
     flag = key.replace("_", "-")
     assert f"--{name}.{'no-' if value else ''}{flag}" in words and words[-3:-1] == ["--external", "mine=run me"]
     assert changed.configs().of(name) != Config().of(name)

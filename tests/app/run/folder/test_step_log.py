@@ -11,7 +11,9 @@ from ispom_app.engine.history.step_quantities.step import DROPPED
 from ispom_app.engine.playback import Playback
 from ispom_app.engine.run_folder import run_folder, step_log, table
 from ispom_app.engine.run_folder.run_folder import RunFolder
+from ispom_app.engine.run_folder.step_reader import stored_steps
 
+from ispom.errors import InputError
 from ispom.io.whole import create_file
 from ispom.types import TrackStatus
 from tests import doubles
@@ -62,3 +64,15 @@ def test_a_full_disk_ends_the_table_and_not_the_run(
             log.add(playback.step())
     assert folder.problem is not None and "steps.csv cannot be written (No space left" in folder.problem
     assert len(rows(tmp_path / run_folder.DECISIONS)) == len(playback.sequence)
+
+
+@pytest.mark.parametrize("name", [run_folder.STEPS, run_folder.DECISIONS])
+def test_a_file_without_line_ends_is_refused_before_all_of_it_is_read(
+    playback: Playback, tmp_path: Path, name: str
+) -> None:
+    with step_log.StepLog(RunFolder(tmp_path)) as log:
+        log.add(playback.step())
+    with (tmp_path / name).open("r+b") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(InputError), stored_steps(tmp_path) as steps:
+        list(steps)
