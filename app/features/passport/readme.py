@@ -107,9 +107,8 @@ def _command(passport: Passport, simulated: bool) -> list[str]:
 
 
 def _results(passport: Passport, results: Table) -> Iterator[str]:
-    located = (f"{each.figures.get('located')} of {each.figures.get('frames')}" for each in passport.outputs)
     lengths = (f"{each.length:.4g} {'m' if each.unit == 'metric' else '(own unit)'}" for each in passport.outputs)
-    rows = (["frames located", *located], ["length of the path", *lengths], *results.rows)
+    rows = (*results.rows, ["length of the path", *lengths])
     yield from ("", "## Results", "", *_table(results.head, rows))
 
 

@@ -26,9 +26,10 @@ class Score:
 
 
 SCORES = (
-    Score(("poses",), "poses"),
+    Score(("frames",), "frames"),
     Score(("located",), "frames located"),
     Score(("lost",), "frames lost"),
+    Score(("poses",), "poses"),
     Score(("aligned",), "aligned by"),
     Score(("ate_m",), "ATE (RMS)", metres=True),
     Score(("rpe_m",), "RPE, pose to pose", metres=True),
