@@ -18,6 +18,7 @@ from ispom_app.views.web.server import Serving
 from ispom.errors import InputError
 from ispom.methods import Config
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -211,7 +212,7 @@ def test_a_trajectory_that_does_not_fit_is_one_sentence_before_anything_is_serve
 
 def test_an_external_trajectory_is_drawn_with_a_finished_run_or_its_recording(served: list, tmp_path: Path) -> None:
     drive = make_drive(tmp_path)
-    assert main(["run", str(drive), "--methods", "stereo", "--out", str(tmp_path / "run")], helpers.build) == 0
+    ran(drive, tmp_path / "run", "--methods", "stereo", builder=helpers.build)
     alone = tmp_path / "alone.rrd"
     alone.write_bytes((tmp_path / "run" / "run.rrd").read_bytes())
     flags = ["--beside", f"orb={tmp_path / 'run' / 'truth.tum'}"]

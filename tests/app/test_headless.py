@@ -26,6 +26,7 @@ from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.sequences.kitti_folder import make_drive
 from tests.sequences.own_folders import make_video
 
@@ -182,7 +183,7 @@ def test_a_folder_of_one_video_stays_that_video_with_its_runs_in_it(
         assert main(["run", ".", *out, "--no-recording"], helpers.build) == 0
     (tmp_path / "killed" / "run.yaml").rename(tmp_path / "killed" / MARKER)
     assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == {"complete", "killed", "recordings"}
-    assert main(["run", ".", "--no-recording", "--out", "again"], helpers.build) == 0
+    ran(".", Path("again"), "--no-recording", builder=helpers.build)
     (tmp_path / "others").mkdir()
     assert main(["run", ".", "--no-recording", "--out", "refused"], helpers.build) == 2
 

@@ -18,6 +18,7 @@ from ispom.io.trajectories import read_tum
 from ispom.io.whole import part_of
 from tests import doubles
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.app.recorded import exposures_in
 from tests.sequences.kitti_folder import make_drive
 
@@ -80,7 +81,7 @@ def test_a_recording_cut_within_a_message_is_finished(killed: Path) -> None:
 
 def test_a_complete_run_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    assert main(["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--out", str(out)], helpers.build) == 0
+    ran(make_drive(tmp_path / "kitti"), out, "--no-recording", builder=helpers.build)
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     assert main(["repair", str(out)]) == 0 and "holds a complete run" in capsys.readouterr().out
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before

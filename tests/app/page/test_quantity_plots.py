@@ -16,7 +16,7 @@ from ispom_app.session.state import State
 
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
+from tests.app.helpers import build_full, with_values
 from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
 
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -24,13 +24,9 @@ NAME = "monocular.parallax"
 STATE = State("double:40").having(Plots((NAME, "inliers")))
 
 
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
 @pytest.fixture
 def run() -> CurrentRun:
-    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build), 10**8)
+    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build_full), 10**8)
 
 
 def curves_of(parts: list[dict | None]) -> dict[str, list[tuple[int, float | None]]]:
@@ -84,7 +80,7 @@ def test_long_curves_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyP
 
 def test_another_run_begins_again(run: CurrentRun) -> None:
     run.step()
-    other = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build), 10**8)
+    other = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build_full), 10**8)
     other.step()
     news = PlotNews()
     assert news.since(STATE, run) == news.since(STATE, other)

@@ -18,19 +18,15 @@ from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
+from tests.app.helpers import build_full, with_values
 from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
 
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 
 
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
 @pytest.fixture
 def run() -> CurrentRun:
-    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build), 10**8)
+    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build_full), 10**8)
 
 
 def told(parts: list[dict]) -> list[tuple[list[int], list[list[int]]]]:

@@ -16,6 +16,7 @@ from ispom_app.cli.main import main
 from ispom_app.engine.run_folder.run_folder import MARKER
 
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.sequences.kitti_folder import make_drive
 
 ATTACK = "</script><script>alert(1)</script><img src=http://example.org/x>"
@@ -53,8 +54,7 @@ class Parsed(HTMLParser):
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of stand-ins, with a recording."""
     folder = tmp_path_factory.mktemp("made")
-    assert main(["run", str(make_drive(folder / "kitti")), "--out", str(folder / "run")], helpers.build) == 0
-    return folder / "run"
+    return ran(make_drive(folder / "kitti"), folder / "run", builder=helpers.build)
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.panel import BranchesPanel
 from ispom_app.features.plots.page_message import error_curves
@@ -26,7 +25,7 @@ from ispom_app.views.web.messages import message_of
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
 from tests.app import helpers
-from tests.app.helpers import with_values
+from tests.app.helpers import ran, with_values
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
 METHODS = ("monocular", "stereo", "integrated")
@@ -51,7 +50,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 def metrics(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What `ispom run` says of it."""
     out = tmp_path_factory.mktemp("run") / "out"
-    assert main(["run", "sim:tiny", "--out", str(out), "--no-recording"]) == 0
+    ran("sim:tiny", out, "--no-recording")
     return json.loads((out / "metrics.json").read_text(encoding="utf-8"))["methods"]
 
 

@@ -14,24 +14,16 @@ from ispom_app.session import commands as do
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
-from ispom.ensemble import Ensemble
 from ispom.methods import Config
-from ispom.types import Rig
-from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import build_full, started, wait_for
 
 LOST = 'monocular.status == "lost"'
 
 
-def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
-    """Estimators that are lost every so manieth time."""
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
-    session = started(tmp_path, "double:40", builder=build, autoplay=False)
+    session = started(tmp_path, "double:40", builder=build_full, autoplay=False)
     wait_for(lambda: session.state.phase == "ready", "opening")
     yield session
     assert session.close(5.0)

@@ -12,17 +12,14 @@ from ispom_app.session.current_run import CurrentRun
 
 from tests import doubles
 from tests.app import helpers
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import run_to_end, started, wait_for
 
 METHODS = ("monocular", "integrated", "integrated.paper")
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
-    found = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=helpers.build), 10**8)
-    while not found.playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(40), METHODS, builder=helpers.build))
 
 
 def test_the_latest_fit_up_to_an_exposure_is_found(run: CurrentRun) -> None:

@@ -11,8 +11,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from ispom_app.cli.main import main
-from ispom_app.engine.options import SourceOptions
 from ispom_app.features.bookmarks.commands import PutBookmark
 from ispom_app.features.bookmarks.service import Bookmarks
 from ispom_app.features.branches.commands import Fork, ShowBranch
@@ -37,28 +35,19 @@ from ispom_app.views.viser.screen import Screen
 from ispom.sequences import open_sequence
 from ispom.types import Tracks, TrackStatus
 from tests import doubles
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import build_full, open_source, ran, started, wait_for
 from tests.sequences.kitti_folder import make_drive
-
-
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
-def opener(source: str, options: SourceOptions | None = None):
-    return (options or SourceOptions()).open(source)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("stored")
     drive = str(make_drive(place / "kitti", 14))
-    assert main(["run", drive, "--stereo-every", "2", "--out", str(place / "run")], build) == 0
-    return place / "run"
+    return ran(drive, place / "run", "--stereo-every", "2", builder=build_full)
 
 
 def opened(tmp_path: Path, source: Path, **options) -> Session:
-    session = started(tmp_path, str(source), opener=opener, builder=build, **options)
+    session = started(tmp_path, str(source), opener=open_source, builder=build_full, **options)
     wait_for(lambda: session.state.phase != "opening" and session.state.index >= 0, "the run")
     return session
 
@@ -121,7 +110,7 @@ def test_a_replay_that_is_another_run_is_noticed_once(run: Path, tmp_path: Path)
     def other(config, methods, rig):
         return doubles.ensemble(methods, doubles.FakeEstimator)
 
-    session = started(tmp_path, str(run), opener=opener, builder=other)
+    session = started(tmp_path, str(run), opener=open_source, builder=other)
     wait_for(lambda: session.state.index == 20, "the run")
     session.post(do.Seek(15))
     wait_for(lambda: session.state.index == 15, "the frame")
@@ -312,7 +301,7 @@ def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(ru
 
 def computed_tracks(run: Path, index: int, camera: str) -> Tracks:
     """As the run had them at this frame while it went on."""
-    playback = read_stored(run, opener, build).playback
+    playback = read_stored(run, open_source, build_full).playback
     event = [playback.step() for _ in range(index + 1)][-1]
     return next(step.tracks[camera] for step in event.steps if camera in step.tracks)  # type: ignore[index]
 

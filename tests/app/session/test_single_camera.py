@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.engine.model.true_path import FIRST, TruePath
-from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.panel import BranchesPanel
 from ispom_app.features.plots.page_message import error_curves
 from ispom_app.session import commands as do
@@ -22,8 +21,9 @@ from ispom_app.views.web.messages import message_of
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.io.trajectories import tum_text
 from ispom.sequences import open_sequence
-from ispom.types import Sequence, is_video
+from ispom.types import is_video
 from tests.app import helpers
+from tests.app.helpers import open_source
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
 
@@ -51,15 +51,13 @@ def write_tum(folder: Path) -> Path:
     return folder
 
 
-def opener(source: str, options: SourceOptions | None = None) -> Sequence:
-    return (options or SourceOptions()).open(source)
-
-
 @pytest.fixture(scope="module")
 def single(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     """Such a recording in a session, run to its end."""
     folder = write_tum(tmp_path_factory.mktemp("tum") / "walk")
-    session = Session(SessionSetup(opener, str(folder), tmp_path_factory.mktemp("recordings"), methods=("monocular",)))
+    session = Session(
+        SessionSetup(open_source, str(folder), tmp_path_factory.mktemp("recordings"), methods=("monocular",))
+    )
     session.start()
     session.post(do.Speed(None))
     helpers.wait_for(lambda: session.state.ended, "the end", 300)
@@ -109,7 +107,7 @@ def test_the_truth_changes_nothing_that_is_estimated(single: Session, tmp_path: 
     before = run.finish().trajectories["monocular"]
     blind = Session(
         SessionSetup(
-            lambda source, options=None: replace(opener(source, options), truth=None),
+            lambda source, options=None: replace(open_source(source, options), truth=None),
             single.state.source,
             tmp_path,
             methods=("monocular",),

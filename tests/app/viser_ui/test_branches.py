@@ -25,17 +25,14 @@ from ispom.evaluation.metrics import path_errors
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
-from tests.app.helpers import with_values
+from tests.app.helpers import run_to_end, with_values
 
 NAME = "<img src=x onerror=alert(1)>"
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
-    found = CurrentRun(Playback(doubles.sequence(20), METHODS, builder=helpers.build), 10**8)
-    while not found.playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(20), METHODS, builder=helpers.build))
 
 
 def with_branches(run: CurrentRun, *branches: Branch) -> State:

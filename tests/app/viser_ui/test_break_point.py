@@ -17,19 +17,14 @@ from ispom_app.session.state import State, reduce
 
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import build_full, run_to_end
 
 LOST = 'monocular.status == "lost"'
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
-    playback = Playback(
-        doubles.sequence(40), METHODS, builder=lambda _, methods, __: doubles.ensemble(methods, doubles.FullEstimator)
-    )
-    found = CurrentRun(playback, 10**8)
-    while not found.playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(40), METHODS, builder=build_full))
 
 
 @pytest.fixture

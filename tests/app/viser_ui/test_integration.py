@@ -23,16 +23,14 @@ from ispom_app.views.web.messages import message_of
 from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.app import helpers
+from tests.app.helpers import run_to_end
 
 METHODS = ("monocular", "integrated", "integrated.paper")
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
-    found = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=helpers.build), 10**8)
-    while not found.playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(40), METHODS, builder=helpers.build))
 
 
 def fit_of(run: CurrentRun, method: str) -> Step:

@@ -32,7 +32,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.types import Rig, Tracks
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
+from tests.app.helpers import run_to_end, with_values
 
 N = 40
 
@@ -51,10 +51,7 @@ def computed(estimator: Any) -> CurrentRun:
     playback = Playback(
         doubles.sequence(N), METHODS, builder=lambda config, methods, rig: doubles.ensemble(methods, estimator)
     )
-    found = CurrentRun(playback, 10**9)
-    while not playback.done:
-        found.step()
-    return found
+    return run_to_end(playback)
 
 
 @pytest.fixture(scope="module")

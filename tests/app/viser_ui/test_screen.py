@@ -23,7 +23,7 @@ from ispom_app.views.viser.screen import Screen
 
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
+from tests.app.helpers import build_full, run_to_end, with_values
 
 N = 40
 
@@ -31,15 +31,7 @@ N = 40
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
     """Every estimator says all that a Step can say."""
-    playback = Playback(
-        doubles.sequence(N),
-        METHODS,
-        builder=lambda config, methods, rig: doubles.ensemble(methods, doubles.FullEstimator),
-    )
-    found = CurrentRun(playback, 10**9)
-    while not playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(N), METHODS, builder=build_full))
 
 
 class FakeSession:
