@@ -18,7 +18,7 @@ from ispom.numerics.robust import Noise
 from ispom.sequences import open_sequence
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Frame, Measurement, Rig, Sequence, Status, Step, TrackStatus, Trajectory, is_video
-from tests.alone import run
+from tests.alone import run, stepped_through
 from tests.estimators.test_contract import same
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -35,10 +35,7 @@ def estimator(flight: Sequence) -> ModernMonocular:
 
 
 def finish(estimator: ModernMonocular, frames: list[Frame]) -> tuple[Trajectory, list[Step]]:
-    state, steps = estimator.start(), []
-    for frame in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
+    state, steps = stepped_through(estimator, frames)
     return estimator.finish(state), steps
 
 

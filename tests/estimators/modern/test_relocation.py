@@ -23,7 +23,7 @@ from ispom.geometry import Pose
 from ispom.solvers.localisation import PoseFit
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Camera, Frame, FrameName, Measurement, Rig, Sequence, Status, Step, Tracks, is_stereo, is_video
-from tests.alone import alone
+from tests.alone import alone, stepped_through
 
 
 def walked(
@@ -36,10 +36,7 @@ def walked(
 ) -> tuple[list[Step], np.ndarray]:
     """The steps, and how far the final poses (N,) are from where the images were taken [m]: aligned by the first ones,
     nan without a pose."""
-    state, steps = estimator.start(), []
-    for exposure in given:
-        state, step = estimator.step(state, exposure)
-        steps.append(step)
+    state, steps = stepped_through(estimator, given)
     assert flight.truth is not None
     found, truth = estimator.finish(state), flight.truth.moved(right=flight.rig.rig_from(camera))
     error_m = np.full(len(given), np.nan)

@@ -17,6 +17,7 @@ from ispom.evaluation.trajectory_error import trajectory_error
 from ispom.geometry import Pose
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Frame, Image, Rig, Status, Step, Trajectory
+from tests.alone import stepped_through
 from tests.estimators.survey.scenes import CAMERA, seen
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -31,10 +32,7 @@ def pose(k: int) -> Pose:
 
 def run(frames: list[Frame], keyframe_moved: float = 8.0) -> tuple[list[Step], Trajectory]:
     estimator = DirectMonocularConfig(max_points=800, keyframe_moved=keyframe_moved).build(Rig.single(CAMERA))
-    state, steps = estimator.start(), list[Step]()
-    for frame in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
+    state, steps = stepped_through(estimator, frames)
     return steps, estimator.finish(state)
 
 

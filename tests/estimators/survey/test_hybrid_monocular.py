@@ -14,6 +14,7 @@ from ispom.evaluation.trajectory_error import trajectory_error
 from ispom.geometry import Pose, rotation_angle_rad
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Rig, Status, Step, Trajectory
+from tests.alone import stepped_through
 from tests.estimators.survey.scenes import CAMERA, seen
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -28,10 +29,7 @@ def pose(k: int) -> Pose:
 
 def run(frames: list[Frame]) -> tuple[list[Step], Trajectory]:
     estimator = HybridMonocularConfig().build(Rig.single(CAMERA))
-    state, steps = estimator.start(), list[Step]()
-    for frame in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
+    state, steps = stepped_through(estimator, frames)
     return steps, estimator.finish(state)
 
 
