@@ -23,6 +23,7 @@ from ispom.io.trajectories import tum_text
 from ispom.sequences import open_sequence
 from ispom.types import is_video
 from tests.app import helpers
+from tests.app.gui import text_of
 from tests.app.helpers import open_source
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
@@ -78,7 +79,7 @@ def test_its_error_is_the_ate_after_a_similarity_alignment(single: Session, serv
     assert error.alignment == "sim3" and wanted is not None and error.ate_m == wanted.ate_m < 0.02
     (chip,) = message_of(single.state)["methods"]
     assert chip["error"].endswith(" mm") and "Sim(3)" in chip["hint"]
-    assert f"{chip['error']} Sim(3)" in BranchesPanel(server.gui, single)._text.content
+    assert f"{chip['error']} Sim(3)" in text_of(BranchesPanel, server, single)
 
 
 def test_it_has_an_error_curve_and_no_live_one(single: Session) -> None:
