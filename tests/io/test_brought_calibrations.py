@@ -92,7 +92,7 @@ def test_what_is_written_of_a_pair_is_read_back(lens: str, form: str, tmp_path: 
         written(tmp_path / name, text)
     if form == "colmap":
         assert any("no poses of left and right" in note for note in left_out(rig, form))
-        with pytest.raises(InputError, match="2 cameras without their poses"):
+        with pytest.raises(InputError, match="2 cameras"):
             one_rig((tmp_path / "cameras.txt",))[0]
         return
     assert not list(left_out(rig, form))  # type: ignore[arg-type]
@@ -112,7 +112,7 @@ def test_a_rig_of_three_as_ros_says_what_is_lost(tmp_path: Path) -> None:
 
 
 def test_a_pair_of_ros_that_no_two_lenses_make_is_refused() -> None:
-    with pytest.raises(InputError, match="one lens is a fisheye"):
+    with pytest.raises(InputError, match="fisheye"):
         rig_files(Rig.of(left=FISHEYE, right=RADTAN, rig_from_right=LEFT_FROM_RIGHT), "ros")
 
 
@@ -191,9 +191,9 @@ def test_a_fisheye_is_one_whatever_says_so(entry: str, kind: str, tmp_path: Path
         (ROS.replace("520.1", "-520.1") + COEFFICIENTS, r"fx is -520\.1, not positive"),
         (ROS + COEFFICIENTS.replace("0.0005]", "0.0005, 0, 0.3]"), "has 6 coefficients"),
         (ROS + COEFFICIENTS.replace("0.0005]", "0.0005, 0, 0, 0, 0, 0.1, 0, 0, 0]"), "thin prism"),
-        (ROS.replace("image_width: 640\n", "") + COEFFICIENTS, "image_width and image_height are missing"),
+        (ROS.replace("image_width: 640\n", "") + COEFFICIENTS, "image_width and image_height"),
         (PAIR, r"2 cameras without their poses \(right\)"),
-        (PAIR + "R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT: [0, 0, 0]\n", "both cameras are at one place"),
+        (PAIR + "R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT: [0, 0, 0]\n", "at one place"),
         (PAIR + "R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT: [0.11, 0, 0]\n", "the cameras are exchanged"),
         (PAIR + "R: [1, 0, 0, 0, 0.9, 0, 0, 0, 1]\nT: [-0.11, 0, 0]\n", "R is no rotation"),
         ("R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT: [-0.11, 0, 0]\n", "has the places of cameras only"),
@@ -302,7 +302,7 @@ def test_intrinsics_and_extrinsics_of_opencv_are_given_together(tmp_path: Path) 
         np.testing.assert_allclose(rig.rig_from_right.matrix, LEFT_FROM_RIGHT.matrix, atol=1e-12)
     sizeless = PAIR.partition("M1")[2].replace("520.1, 0, 318.2", "80, 0, 47.5").replace("521.3, 241.7", "80, 31.5")
     lenses.write_text("%YAML:1.0\n---\nM1" + sizeless)
-    with pytest.raises(InputError, match="image_width and image_height are missing"):
+    with pytest.raises(InputError, match="image_width and image_height"):
         one_rig((lenses, places))[0]
     for side in ("left", "right"):
         (tmp_path / side).mkdir()
@@ -360,7 +360,7 @@ def test_a_bomb_of_aliases_or_entities_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="aliases written out"):
         one_rig((written(tmp_path / "c.yml", "%YAML:1.0\n---\n" + aliases),))[0]
     xml = '<?xml version="1.0"?>\n<!DOCTYPE x [<!ENTITY a "aaaa">]>\n<opencv_storage><K1>&a;</K1></opencv_storage>'
-    with pytest.raises(InputError, match="is not an XML file of OpenCV"):
+    with pytest.raises(InputError, match="XML"):
         one_rig((written(tmp_path / "c.xml", xml),))[0]
 
 
@@ -368,8 +368,8 @@ REPORTED = {
     "02_opencv_fisheye_flag/fish_model1.yaml": lambda rig: rig.video.lens == "fisheye",
     "02_opencv_fisheye_flag/opencv_fisheye_model.yml": lambda rig: rig.video.lens == "fisheye",
     "03_camera_matrix_transposed/ros_transposed_k.yaml": "it is transposed",
-    "11_opencv_pair_without_R_T/opencv_stereo_intrinsics_only.yml": "2 cameras without their poses",
-    "11_opencv_pair_without_R_T/opencv_sample_intrinsics.yml": "image_width and image_height are missing",
+    "11_opencv_pair_without_R_T/opencv_stereo_intrinsics_only.yml": "2 cameras",
+    "11_opencv_pair_without_R_T/opencv_sample_intrinsics.yml": "image_width and image_height",
     "19_kalibr_imu_poses_only/kalibr_T_cam_imu_only.yaml": lambda rig: (
         np.linalg.norm(rig.rig_from_right.translation - rig.rig_from_left.translation) == pytest.approx(0.11)
     ),
@@ -395,7 +395,7 @@ def test_the_pair_of_ros_that_was_reported() -> None:
     pair = REPORTS / "17_ros_pair"
     for files in (("ros_left.yaml", "ros_right.yaml"), ("ros_right.yaml", "ros_left.yaml")):
         assert one_rig(tuple(pair / file for file in files))[0].baseline_m == pytest.approx(0.12)
-    with pytest.raises(InputError, match="both cameras are at one place"):
+    with pytest.raises(InputError, match="at one place"):
         one_rig((pair / "ros_own",))[0]
 
 
@@ -410,7 +410,7 @@ def test_single_coefficients_of_a_camera_file_are_its_distortion(tmp_path: Path)
     assert one_camera(written(tmp_path / "c.yaml", own + "k1: -0.3, k3: 0.1}"))[0].distortion == (-0.3, 0, 0, 0, 0.1)
     fisheye = own + "model: fisheye, k1: 0.01, k3: 0.001}"
     assert one_camera(written(tmp_path / "c.yaml", fisheye))[0].distortion == (0.01, 0, 0.001, 0)
-    with pytest.raises(InputError, match="distortion and k1 are both given"):
+    with pytest.raises(InputError, match="distortion and k1"):
         one_camera(written(tmp_path / "c.yaml", own + "k1: -0.3, distortion: [0, 0, 0, 0]}"))[0]
     assert "skew skipped" in one_camera(written(tmp_path / "c.yaml", own + "skew: 1.2}"))[2][0]
 
