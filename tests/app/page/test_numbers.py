@@ -19,9 +19,7 @@ from ispom.types import Corrections, LensCorrection
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.helpers import build_full, run_to_end
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
-
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, app, browser  # noqa: F401 - fixtures
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from ispom_app.engine.playback import Playback
@@ -17,9 +16,8 @@ from ispom_app.session.state import State
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.helpers import build_full, with_values
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect, page_at  # noqa: F401 - fixtures
 
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 NAME = "monocular.parallax"
 STATE = State("double:40").having(Plots((NAME, "inliers")))
 
@@ -95,12 +93,9 @@ def test_what_the_run_does_not_have_is_not_plotted(run: CurrentRun) -> None:
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    go_to(opened, 20)
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        go_to(opened, 20)
+        yield opened
 
 
 in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")

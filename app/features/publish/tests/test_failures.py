@@ -15,8 +15,7 @@ from ispom_app.features.publish.site import page_files, write_site
 
 from ispom.ensemble import build as real
 from tests.app.helpers import build_full
-from tests.app.page.test_browser import CHROMIUM, Page, browser  # noqa: F401 - a fixture
-from tests.app.page.test_keys import FAKE
+from tests.app.page.test_browser import CHROMIUM, FAKE, Page, browser  # noqa: F401 - a fixture
 from tests.sequences.kitti_folder import make_drive
 
 from .conftest import FRAMES
