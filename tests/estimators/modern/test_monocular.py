@@ -79,7 +79,7 @@ def test_every_key_frame_tells_how_far_its_unit_may_have_drifted(walked: tuple[T
     keys = [s for s in walked[1] if s.key_frame and s.status is Status.TRACKING]
     sigmas = [s.scale_sigma for s in keys if s.scale_sigma is not None]
     assert len(sigmas) == len(keys) >= 3 and all(1e-4 < sigma < 0.1 for sigma in sigmas[1:])
-    assert all(any(d.name.startswith("scale drift since the start") for d in s.decisions) for s in keys[1:])
+    assert all(any(d.name.startswith("scale drift") for d in s.decisions) for s in keys[1:])
     assert all(s.scale_sigma is None for s in walked[1] if not s.key_frame)
 
 
