@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,15 @@ def started(folder: Path, source: str = "double:20", **options) -> Session:
     return session
 
 
+@contextmanager
+def paused_session(folder: Path, source: str = "double:20", **options: Any) -> Iterator[Session]:
+    """A session as `started` makes it, whose source is open and that does not play; it has to end in time."""
+    session = started(folder, source, autoplay=False, **options)
+    wait_for(lambda: session.state.phase == "ready", "opening")
+    yield session
+    assert session.close(5.0)
+
+
 def with_values(state: State, **values: Any) -> State:
     """A state with other values: of its core, or of its features by the names that follow."""
     kinds: dict[str, tuple[type[FeatureState], str]] = {
@@ -110,3 +120,8 @@ def with_values(state: State, **values: Any) -> State:
         kind, field = kinds[name]
         state = state.having(replace(state[kind], **{field: values.pop(name)}))
     return replace(state, **values)
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """All files of a folder without folders, by their names."""
+    return {path.name: path.read_bytes() for path in folder.iterdir()}

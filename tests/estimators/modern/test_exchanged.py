@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.types import Camera, Decision, Frame, Image, Rig, Status
 
 WIDTH, HEIGHT, APART_PX, PATCH_PX, DISPARITY_PX = 640, 480, 60, 13, 12
