@@ -34,10 +34,9 @@ def test_the_run_goes_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyP
     sequence = spoilt(40)
     monkeypatch.setattr(Run, "open", lambda *_: sequence)
     ran("made", tmp_path / "out", "--recording", builder=helpers.build)
-    assert "skipped: image 40 is not a whole image" in capsys.readouterr().out
-    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["skipped"] == [
-        "image 40 is not a whole image: restore it"
-    ]
+    assert "skipped: image 40" in capsys.readouterr().out
+    (skipped,) = json.loads((tmp_path / "out" / "metrics.json").read_text())["skipped"]
+    assert skipped.startswith("image 40 ")
     kind = sequence.kinds[40]
     poses = read_tum(tmp_path / "out" / ("monocular.tum" if kind == "video" else "stereo.tum"))
     assert len(poses) == sequence.kinds.count(kind) - 1

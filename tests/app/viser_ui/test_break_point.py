@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 import viser
 from ispom_app.engine.playback import Playback
 from ispom_app.features.breakpoints.commands import FindMatch, RunUntil
-from ispom_app.features.breakpoints.panel import MOST_NAMES, NEXT, PREVIOUS, UNTIL, BreakPointPanel
+from ispom_app.features.breakpoints.panel import EXAMPLE, MOST_NAMES, NEXT, PREVIOUS, UNTIL, BreakPointPanel
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
@@ -44,7 +45,7 @@ def made(server: viser.ViserServer, run: CurrentRun, state: State) -> tuple[Brea
 
 def test_empty_it_says_what_to_write(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
     _, gui, _ = made(server, run, at_ten)
-    assert "A condition over the quantities" in gui.text
+    assert EXAMPLE in html.unescape(gui.text)
 
 
 def test_it_shows_the_value_here_and_how_often_it_holds(

@@ -123,7 +123,7 @@ def test_the_panel_offers_what_integrates_and_requests_steps(server: viser.Viser
 def test_before_the_first_fit_the_panel_says_so(server: viser.ViserServer, run: CurrentRun) -> None:
     made = Panel(server, run)
     made.panel.show(replace(made.state, displayed=run.history[2]).having(IntegrationSteps(Integration("integrated"))))
-    assert "Nothing is fitted up to this frame" in made.gui.text
+    assert "Nothing is fitted" in made.gui.text
 
 
 @pytest.mark.parametrize("stage", [0, 1, 2])
