@@ -20,7 +20,7 @@ from ispom.estimators.modern.monocular.worlds import Recognised, Worlds
 from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Decision, Measurement, Sequence, Step, is_video
 from tests.alone import run
-from tests.estimators.modern.monocular_setup import monocular_setup
+from tests.estimators.modern.setups import monocular_setup
 
 GREY = np.zeros((48, 64), np.uint8)
 SIMILARITY = Similarity(2.5, Pose(Rotation.from_euler("xyz", (0.3, -0.2, 1.0)).as_matrix(), np.array([4.0, -1.0, 2.0])))

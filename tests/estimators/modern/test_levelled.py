@@ -32,6 +32,7 @@ from ispom.simulation.scenario.calibrations import Unlevel, WrongPair
 from ispom.solvers.right_camera import FOCAL, OFFSET_Y, PAIR, PITCH, ROLL, YAW, by_column, by_row
 from ispom.types import Decision, Frame, Rig, Sequence, Status, Step, is_stereo
 from tests.alone import alone, run, stepped_through
+from tests.estimators.modern.setups import setup_of
 
 DATA = Path(__file__).parents[4] / "shared/data"
 SAID = {"levelled", "rows_changed", "different_moments"}
@@ -92,7 +93,7 @@ def wrong(**values: float) -> Array:
 @cache
 def setup() -> Setup:
     rig = open_sequence("sim:tiny", seed=0).rig.changed(pair_sigma=None)
-    return ModernStereoConfig().build(rig)._setup
+    return setup_of(ModernStereoConfig().build(rig))
 
 
 @pytest.mark.parametrize(
