@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from .commands import ROOT
 
 HOWTO = ROOT / "docs" / "howto"
-WIDTH = 130
+WIDTH = 88
 SHOWN = {
     "evaluate": r"[┃├│┏┡└]|audit of",
     "judge": r"(?!stretch|\d)",
@@ -76,6 +76,7 @@ def shown(page: str, text: str) -> str:
 
 
 def _wrapped(line: str, indent: str) -> list[str]:
+    line = re.sub(rf"(\S{{60,{WIDTH - 8}}},)(?=\S)", r"\1 ", line)  # a long list goes on after a comma
     return textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
 
 

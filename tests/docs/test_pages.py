@@ -168,6 +168,13 @@ def test_long_commands_stay_in_their_frame() -> None:
         assert re.search(rf"\.highlight-{language} pre[^}}]*pre-wrap", rules), language
 
 
+def test_what_is_printed_stays_in_its_frame() -> None:
+    """A frame of the site has room for so many characters in a window of 1280 pixels."""
+    for page in sorted(DOCS.rglob("*.md")):
+        for block in re.findall(r"^```text\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+            assert max(map(len, block.splitlines())) <= 90, page
+
+
 def test_the_page_of_figures_has_all_that_are_held_failures_too(generated: dict[str, str]) -> None:
     from tests.accuracy.test_figures import STILL
 

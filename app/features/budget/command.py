@@ -26,7 +26,7 @@ from .split import budgets, frames_of
 from .text import rows, title
 from .written import written
 
-WIDTH = 120
+WIDTH = 88
 
 
 def budget(options: Budget, builder: Builder = build) -> int:

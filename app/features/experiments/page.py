@@ -12,7 +12,8 @@ from ispom.io.whole import write_whole
 
 from ...presentation.templating import environment
 from ...presentation.texts import METRE, Unit, length_unit
-from ..report.html import own_text, shown
+from ..report.html import PACKAGE as REPORT
+from ..report.html import POLICY, own_text, shown
 from .plan import Plan, is_length, label, styles
 from .results import write_rows, write_summary
 from .row import Row
@@ -30,7 +31,7 @@ def page(
     figures: Mapping[str, bytes],
 ) -> str:
     """`figures`: SVG by name. Everything of the plan and the runs is escaped."""
-    made = environment(__name__.rpartition(".")[0])
+    made = environment(__name__.rpartition(".")[0], REPORT)
     units = {q: _unit(q, rows) for q in plan.quantities}
     made.filters |= {
         "shown": shown,
@@ -40,6 +41,7 @@ def page(
     failed = [row for row in rows if row.failure is not None]
     expected = sum(1 for _ in plan.runs())
     return made.get_template("experiment.html").render(
+        policy=POLICY,
         generator=GENERATOR,
         css=own_text("page.css"),
         plan=plan,

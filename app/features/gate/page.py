@@ -11,13 +11,15 @@ from ...engine.outputs import json_text
 from ...presentation.templating import environment
 from ..experiments.plan import Plan, label
 from ..experiments.statistics import value_of
-from ..report.html import own_text, shown
+from ..report.html import PACKAGE as REPORT
+from ..report.html import POLICY, own_text, shown
 from .change import FAILED, Change
 from .judge import LOCATED, SEGMENTS, Judgement, Rules, Tested, Verdict, percent
 from .pairs import Pair
 from .power import MOST_PAIRS, POWER, Power
 from .worst import Worst, worst_first
 
+GENERATOR = "ISPOM gate"
 MOST_ROWS = 200
 """Pairs in the table of the page, the worst first; gate.json has all of them."""
 PLOT_WIDTH, PLOT_HEIGHT = 640, 44
@@ -102,7 +104,7 @@ def page(
     power: Sequence[Power],
 ) -> str:
     """Everything of the plan and the runs is escaped."""
-    made = environment(__name__.rpartition(".")[0])
+    made = environment(__name__.rpartition(".")[0], REPORT)
     made.filters |= {
         "shown": shown,
         "label": label,
@@ -113,6 +115,8 @@ def page(
     made.filters["decides"] = decides_text
     rows = [_cells(pair, rules) for pair in worst_first(pairs, rules)]
     return made.get_template("gate.html").render(
+        policy=POLICY,
+        generator=GENERATOR,
         css=own_text("page.css"),
         plan=plan,
         verdict=verdict,

@@ -17,15 +17,13 @@ from ...engine.options import SourceOptions
 from ...engine.outputs import write_file
 from ...presentation.templating import environment
 from ..report.html import PACKAGE as REPORT
-from ..report.html import own_text
+from ..report.html import POLICY, own_text
 from .options import Judge
 from .text import Judged, denied_text, of_all_poses, verdict
 
 PACKAGE = __name__.rpartition(".")[0]
-SIGNATURE = "Made by ispom judge"
+GENERATOR = "ISPOM judge"
 """By this in it a file is known as ours."""
-POLICY = "default-src 'none'; style-src 'unsafe-inline'"
-"""What the browser itself then refuses: any script, any other file, any address."""
 WIDTH, HEIGHT = 960, 280
 LEFT, RIGHT, TOP, BOTTOM = 52, 936, 12, 250
 """Of the axes within the plot [px]."""
@@ -37,7 +35,7 @@ MARKS = 6
 
 def write_page(file: Path, found: Judged, command: str) -> None:
     """Writes the page; InputError where the file is not ours, or cannot be written."""
-    write_file(file, page(found, command), SIGNATURE)
+    write_file(file, page(found, command), GENERATOR)
 
 
 def page(found: Judged, command: str) -> str:
@@ -47,7 +45,7 @@ def page(found: Judged, command: str) -> str:
         .get_template("judge.html")
         .render(
             policy=POLICY,
-            generator=SIGNATURE,
+            generator=GENERATOR,
             css=own_text("page.css"),
             title=f"{Path(found.poses).name} in {found.recording}",
             verdict=verdict(found),

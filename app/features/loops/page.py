@@ -18,14 +18,13 @@ from ispom.types import Camera, Image, Sequence, images_of
 from ...engine.run_folder.thumbnail import jpeg
 from ...presentation.templating import environment
 from ..report.html import PACKAGE as REPORT
-from ..report.html import own_text, shown
+from ..report.html import POLICY, own_text, shown
 from .candidate import Candidate, WhatIf
 from .docket import Docket
 from .text import answer_lines, refusals, summary, truth_text
 
 PACKAGE = __name__.rpartition(".")[0]
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What the browser itself then refuses: any script, any other file, any address."""
+GENERATOR = "ISPOM loops"
 WIDTH_PX, QUALITY = 640, 80
 """Of an image in the page."""
 MOST_LINES = 150
@@ -48,6 +47,7 @@ def write_page(
     template = made.get_template("loops.html")
     parts = template.generate(
         policy=POLICY,
+        generator=GENERATOR,
         css=own_text("page.css"),
         title=title,
         subtitle=summary(docket),

@@ -46,7 +46,7 @@ class StopRecording(Command, frozen=True):
         session.service(RecordingService).leave(session.run)
 
 
-class RepairRecordings(Command, frozen=True):
+class RepairRecordings(PageCommand, frozen=True):
     """Finish the recordings and runs that a stopped program left unfinished, as far as they came."""
 
     def execute(self, session: Controller) -> None:

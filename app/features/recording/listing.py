@@ -13,14 +13,15 @@ from typing import Any
 
 from ispom.errors import InputError, is_text
 from ispom.io.mapping import read_mapping
-from ispom.io.whole import part_of, replace_whole
+from ispom.io.whole import part_of, replace_whole, whole_of
 
 from ...engine.events import Bookmark, Opened
 from ...engine.run_folder.run_file import RunFile, read_run_file
-from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL, repaired
+from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL, is_locked, is_unfinished, repaired
 from ...engine.run_folder.thumbnail import thumbnail
 from ...session.sources.folders import run_name
 from ...session.state import State
+from ...views.rerun.repair import unfinished
 from ..bookmarks.notes import notes_of, put, tidy
 from .state import ListedRun
 
@@ -82,6 +83,16 @@ def list_recordings(folder: Path) -> tuple[ListedRun, ...]:
             if stat.S_ISREG(facts.st_mode) and (run is None or _ended(run)):
                 found.append((facts.st_mtime, _recording(folder, path) if run is None else _run(folder, run)))
     return tuple(kept for _, kept in sorted(found, key=lambda item: -item[0]))
+
+
+def list_unfinished(folder: Path) -> tuple[Path, ...]:
+    """The recordings (their parts) and folders of runs that a stopped program left unfinished; none that is being
+    written. OSError where the folder cannot be read."""
+    if not folder.is_dir():
+        return ()
+    parts = [path for path in unfinished(folder) if path != whole_of(path) and not is_locked(whole_of(path))]
+    runs = [path for path in sorted(folder.iterdir()) if is_unfinished(path) and not is_locked(path)]
+    return (*parts, *runs)
 
 
 def _ended(run: Path) -> bool:

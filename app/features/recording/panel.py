@@ -10,7 +10,7 @@ import viser
 from ...presentation.texts import size
 from ...session.state import State
 from ...views.viser.panels import Panel, renderer
-from .commands import Record, RepairRecordings, StopRecording
+from .commands import Record, StopRecording
 from .state import Recordings
 
 if TYPE_CHECKING:
@@ -29,12 +29,6 @@ class RecordPanel:
         self._name = gui.add_text("name", "", hint="File name without folders; leave empty to generate one.")
         self._button = gui.add_button(START, icon=viser.Icon.PLAYER_RECORD, color="red", hint=RECORD)
         self._button.on_click(self._clicked)
-        self._repair = gui.add_button(
-            "Repair unfinished recordings and runs",
-            visible=bool(session.state[Recordings].unfinished),
-            hint="A program that was stopped left them without an end: they become readable up to where it came.",
-        )
-        self._repair.on_click(lambda _: session.post(RepairRecordings()))
         self._text = gui.add_html(_text(session.state))
 
     def _clicked(self, _: object) -> None:
@@ -46,21 +40,18 @@ class RecordPanel:
         if self._button.label != label:
             self._button.label = label
             self._name.disabled = state[Recordings].current is not None
-        if self._repair.visible != bool(state[Recordings].unfinished):
-            self._repair.visible = bool(state[Recordings].unfinished)
         if (text := _text(state)) != self._text.content:
             self._text.content = text
 
 
 def _text(state: State) -> str:
-    """What is recorded now, and what was never finished, as HTML."""
+    """What is recorded now, as HTML."""
     text = f"Records the run from its first frame, whenever you start. The file opens in any Rerun {VIEWER} viewer."
-    recordings = state[Recordings]
-    if recording := recordings.current:
+    if recording := state[Recordings].current:
         doing = "Closing" if recording.closing else "Recording"
         done = f"{recording.written} of {state.computed} frames"
         text = f"{doing} {recording.name}: {done}, {size(recording.size_bytes)}"
-    return render("recordings.html", text=text, unfinished=recordings.unfinished)
+    return render("recordings.html", text=text)
 
 
 PANELS = (Panel("Files", 700, RecordPanel),)

@@ -8,20 +8,18 @@ from pathlib import Path
 from threading import Thread
 
 from ispom.errors import InputError
-from ispom.io.whole import whole_of
 
 from ...engine.events import Stepped
-from ...engine.run_folder.run_folder import is_locked, is_unfinished
 from ...session.branches.state import Branches
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
 from ...session.state import NoticeAdded
-from ...views.rerun.repair import finish, unfinished
+from ...views.rerun.repair import finish
 from ..bookmarks.notes import notes_of, put
 from ..bookmarks.service import Bookmarks
 from ..layers.state import Layers
-from .listing import list_recordings
+from .listing import list_recordings, list_unfinished
 from .repair_command import repair_run
 from .state import Recordings
 from .writers import Writers
@@ -36,14 +34,6 @@ class Repairs:
         self._folder = folder
         self._thread: Thread | None = None
         self._problems: list[str] = []
-
-    def found(self) -> tuple[str, ...]:
-        """Names of the unfinished recordings and runs that nobody is writing; none where the folder cannot be read."""
-        try:
-            return tuple(path.name for path in self._left())
-        except OSError as fault:
-            log.warning("unfinished recordings cannot be listed: %s", fault)
-            return ()
 
     @property
     def busy(self) -> bool:
@@ -63,17 +53,9 @@ class Repairs:
         self._thread = None
         return self._problems
 
-    def _left(self) -> list[Path]:
-        if not self._folder.is_dir():
-            return []
-        hidden = [path for path in unfinished(self._folder) if path != whole_of(path)]
-        found = [path for path in hidden if not is_locked(whole_of(path))]
-        runs = [path for path in sorted(self._folder.iterdir()) if is_unfinished(path)]
-        return [*found, *(path for path in runs if not is_locked(path))]
-
     def _run(self) -> None:
         try:
-            for path in self._left():
+            for path in list_unfinished(self._folder):
                 try:
                     self._problems += _finished(path)
                 except InputError as problem:
@@ -173,8 +155,8 @@ class RecordingService(Service):
 
     def show(self) -> None:
         """The list, as the folder is now."""
-        listed, unfinished = list_recordings(self.session.setup.recordings), self._repairs.found()
-        self.store.put(replace(self.state[Recordings], listed=listed, unfinished=unfinished))
+        listed = list_recordings(self.session.setup.recordings)
+        self.store.put(replace(self.state[Recordings], listed=listed))
 
     def close(self) -> None:
         self._writers.close(CLOSE_S)

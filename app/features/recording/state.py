@@ -44,8 +44,6 @@ class Recordings(FeatureState):
     current: Recording | None = None
     listed: tuple[ListedRun, ...] = ()
     """The finished runs and recordings of the folder, newest first."""
-    unfinished: tuple[str, ...] = ()
-    """Recordings, and folders of runs, that a stopped program left unfinished; none that is being written."""
 
     def reduce(self, event: object) -> Recordings:
         return self  # also over another source

@@ -12,6 +12,8 @@ from ...presentation.templating import TEMPLATES, environment
 from .blocks import Compared, MethodName
 
 PACKAGE = __name__.rpartition(".")[0]
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+"""Of a page without scripts: what the browser itself then refuses is any script, any other file, any address."""
 
 
 def rendered(template: str, **values: Any) -> str:

@@ -27,6 +27,7 @@ class Score:
 
 SCORES = (
     Score(("poses",), "poses"),
+    Score(("located",), "frames located"),
     Score(("lost",), "frames lost"),
     Score(("aligned",), "aligned by"),
     Score(("ate_m",), "ATE (RMS)", metres=True),

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from aiohttp import web
 
-from ispom.errors import InputError, is_text
+from ispom.errors import InputError, is_text, printable
 from ispom.io.files import bounded
+from ispom.io.whole import whole_of
 
 from ...engine.differences.compare import divergences
 from ...engine.run_folder.run_file import read_run_file
@@ -23,12 +25,14 @@ from ..diff.command import differing, run_rows
 from ..diff.text import shown
 from ..lessons.library import Library
 from ..lessons.state import Lessons
+from ..recording.listing import list_unfinished
 from .compare import comparison_message, divergence_message
 from .folder import RecordedRuns
 from .frame_picture import frame_picture
 from .live import kept_rows, live_rows, merged
 from .table import table_message
 
+log = logging.getLogger(__name__)
 WIDTHS = range(40, 641)
 """Of a picture of a frame [px]."""
 ROUNDING = 1e-9
@@ -64,11 +68,12 @@ class RunsRoutes:
         async with self._reading:  # one thread at a time
             self._recorded = self._recorded or RecordedRuns(session.recordings_dir)
             recorded = await asyncio.to_thread(self._recorded.rows)
+            unfinished = await asyncio.to_thread(_unfinished, session.recordings_dir)
         branches = session.service(BranchService)
         open_runs = [run for each in state[Branches].all if (run := branches.run_of(each.number)) is not None]
         kept = [] if state.covers else kept_rows(branches.kept, open_runs, session.recordings_dir)
         message = table_message(merged([*live.values(), *kept], recorded))
-        return send_json(message | {"recent": state.recent, "lessons": self._lessons(state)})
+        return send_json(message | {"unfinished": unfinished, "recent": state.recent, "lessons": self._lessons(state)})
 
     def _lessons(self, state: State) -> list[dict[str, Any]]:
         return [
@@ -147,3 +152,12 @@ class RunsRoutes:
             "first": None if first is None else divergence_message(first),
             "methods": methods,
         }
+
+
+def _unfinished(folder: Path) -> list[str]:
+    """The names of runs and recordings that a stopped program left unfinished."""
+    try:
+        return [printable(whole_of(path).name) for path in list_unfinished(folder)]
+    except OSError as fault:
+        log.warning("unfinished recordings cannot be listed: %s", fault)
+        return []

@@ -16,7 +16,7 @@ from ...engine.outputs import csv_of, json_of
 from ...presentation import colours
 from ...presentation.templating import environment
 from ..report.html import PACKAGE as REPORT
-from ..report.html import own_text
+from ..report.html import POLICY, own_text
 from .advice import Lesson, how_to_film
 from .clips import Clip
 from .row import Action, ClipRow, Group, Row
@@ -24,8 +24,7 @@ from .written import ALL, TriageFile
 
 PAGE, TABLE, NOTE = "index.html", "triage.csv", "how_to_film.md"
 PACKAGE = __name__.rpartition(".")[0]
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What the browser itself then refuses: any script, any other file, any address."""
+GENERATOR = "ISPOM triage"
 TROUBLE = {Group.LOST: "lost at", Group.NO_MAP: "still no map at"}
 """What is said before the frames at which it went wrong."""
 TITLES = {
@@ -64,6 +63,7 @@ def page(out: Path, folder: Path, clips: Sequence[Clip], rows: Sequence[Row], le
     template = environment(PACKAGE, REPORT).get_template("triage.html")
     return template.render(
         policy=POLICY,
+        generator=GENERATOR,
         css=own_text("page.css"),
         title=folder.resolve().name,
         subtitle=summary(rows),

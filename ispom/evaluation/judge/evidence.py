@@ -68,7 +68,7 @@ def of_chunks(tracked: Iterable[Chunk], given: Trajectory, covered: NDArray[np.b
 
 def refitted(evidence: Evidence, given: Trajectory) -> Evidence:
     """Returns the evidence with the pairs fitted again, near poses that are known to be better than those before."""
-    pairs = (pair_evidence((p.first, p.second), p.views, relative(given, p)) for p in evidence.pairs)
+    pairs = (pair_evidence((p.first, p.second), p.views, relative(given, p), p.matches) for p in evidence.pairs)
     return replace(evidence, pairs=tuple(p for p in pairs if p is not None))
 
 
@@ -110,7 +110,10 @@ def _has_enough(views: TwoViews) -> bool:
 
 def _fitted(chunk: Chunk, first: int, second: int, given: Trajectory) -> PairEvidence | None:
     ends = chunk.first + first, chunk.first + second
-    return pair_evidence(ends, chunk.views(first, second), given.pose(ends[1]).inverse() @ given.pose(ends[0]))
+    pair = pair_evidence(ends, chunk.views(first, second), given.pose(ends[1]).inverse() @ given.pose(ends[0]))
+    if pair is None or chunk.matches is None:
+        return pair
+    return replace(pair, matches=chunk.matches(first, second))
 
 
 def _triple(chunk: Chunk, a: PairEvidence, b: PairEvidence) -> TripleEvidence | None:

@@ -16,10 +16,10 @@ from scipy.stats import norm
 from ispom.geometry import Array
 from ispom.types import Trajectory
 
-from .evidence import TripleEvidence
+from .evidence import TripleEvidence, relative
 from .local import QUIET, scale_changes
 from .misfit import Pairs, misfit
-from .pairs import BIAS_PX, UNKNOWN
+from .pairs import BIAS_PX, LEAST, UNKNOWN, off_lines_px
 from .poses import UNCHANGED, Change, changed, turned
 
 Kind = Literal["clock", "mount", "lever", "axes", "inverse", "turning", "growing"]
@@ -67,10 +67,14 @@ class Tested:
     """The smallest offset that matters."""
     gains: tuple[float, float]
     """Robust cost that each half's fit saves on the other half."""
+    matches_agree: bool = True
+    """Whether matches of features fit the poses better with the change than without."""
 
     @property
     def accepted(self) -> bool:
-        """Whether both halves confirm it."""
+        """Whether both halves of the tracks confirm it, and the matches."""
+        if not self.matches_agree:
+            return False
         if (self.kind == "axes" and self.size < LEAST_EXCHANGE) or (
             self.kind == "mount" and self.size > LEAST_EXCHANGE
         ):
@@ -114,6 +118,21 @@ class Setting:
         squares = misfit(self.pairs.select(chosen), changed(self.poses, self.times_ns, change)).squares
         return float(np.median(squares)) / MEDIAN_OF_SQUARES
 
+    def confirmed(self, change: Change) -> bool:
+        """Checks whether the matches of most pairs lie nearer to their epipolar lines with a change than without it;
+        true where no pair has matches, or none is moved by it."""
+        before, after = self.given, changed(self.poses, self.times_ns, change)
+        better = worse = 0
+        for pair in self.pairs.listed:
+            if pair.matches is None or len(pair.matches.x1) < LEAST:
+                continue
+            poses = relative(before, pair), relative(after, pair)
+            if min(np.linalg.norm(pose.translation) for pose in poses) == 0:
+                continue
+            was, now = (off_lines_px(pair.matches, pose) for pose in poses)
+            better, worse = better + (now < was), worse + (now > was)
+        return better >= worse
+
     @property
     def given(self) -> Trajectory:
         """The poses world_from_camera of the frames, as far as is known."""
@@ -132,6 +151,7 @@ def tested_all(setting: Setting) -> tuple[tuple[Tested, ...], Change]:
     left: list[Kind] = list(TESTS)
     while True:
         tests = [TESTS[kind](setting) for kind in left]
+        tests = [replace(t, matches_agree=setting.confirmed(t.change)) if t.accepted else t for t in tests]
         good = [each for each in tests if each.accepted]
         if not good:
             return (*accepted, *tests), setting.change

@@ -99,6 +99,8 @@ class PairEvidence:
     normal: Array
     """(5, 5) mean of the squared derivatives: the mean square of the distances that a misfit adds, in `pixel`^2."""
     views: TwoViews
+    matches: TwoViews | None = None
+    """Matches of features of the two images, found without the tracks: a second witness. None where there are none."""
 
     @property
     def pixel(self) -> float:
@@ -106,7 +108,9 @@ class PairEvidence:
         return self.views.pixel
 
 
-def pair_evidence(ends: tuple[int, int], views: TwoViews, given: Pose) -> PairEvidence | None:
+def pair_evidence(
+    ends: tuple[int, int], views: TwoViews, given: Pose, matches: TwoViews | None = None
+) -> PairEvidence | None:
     """Fits a relative pose to the tracks of two frames; None where they do not fix one.
 
     `given` is second_from_first of the poses that are judged: only of two equally good fits is the nearer one taken.
@@ -139,18 +143,28 @@ def pair_evidence(ends: tuple[int, int], views: TwoViews, given: Pose) -> PairEv
     tangent = np.linalg.svd(pose.translation[None])[2][1:]
     return PairEvidence(
         *ends, pose.rotation, pose.translation, tangent, covariance, count, noise / pixel, motion_px, parallax_px,
-        parallax, normal, views,
+        parallax, normal, views, matches,
     )  # fmt: skip
 
 
 def denies(pair: PairEvidence, given: Pose) -> bool:
     """Checks directly whether the given second_from_first puts most tracks off their epipolar lines by clearly more
-    than noise and bias. Where the images have two explanations, as of a plane, the given one may be the other one."""
-    length = float(np.linalg.norm(given.translation))
-    if length == 0:
+    than noise and bias, and most matches, too. Where the images have two explanations, as of a plane, the given one may
+    be the other one. Tracks alone may slip together along a rail; too few matches confirm nothing."""
+    if float(np.linalg.norm(given.translation)) == 0:
         return True
-    residuals = linearised(Pose(given.rotation, given.translation / length), pair.views.x1, pair.views.x2).residuals
-    return MAD * float(np.median(np.abs(residuals))) / pair.pixel > np.hypot(pair.noise_px, CLEARLY * BIAS_PX)
+    limit_px = float(np.hypot(pair.noise_px, CLEARLY * BIAS_PX))
+    if MAD * off_lines_px(pair.views, given) <= limit_px:
+        return False
+    if pair.matches is None:
+        return True
+    return len(pair.matches.x1) >= LEAST and MAD * off_lines_px(pair.matches, given) > limit_px
+
+
+def off_lines_px(views: TwoViews, given: Pose) -> float:
+    """Returns the median distance of points from their epipolar lines by a second_from_first that moves."""
+    pose = Pose(given.rotation, given.translation / np.linalg.norm(given.translation))
+    return float(np.median(np.abs(linearised(pose, views.x1, views.x2).residuals))) / views.pixel
 
 
 def _best(views: TwoViews, given: Pose) -> Pose:

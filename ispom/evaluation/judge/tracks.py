@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.evaluation.doctor.examination import grey, halvings
 from ispom.evaluation.doctor.tracking import evened, followed
+from ispom.features.interfaces import Features
+from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array
-from ispom.types import Frame, FrameName, Image, Sequence
+from ispom.types import Camera, Frame, FrameName, Image, Sequence
 
 from .pairs import TwoViews
 
 LONGEST_SPAN = 16
 """Frames between the two of a pair, at most: tracks become few, and the answer no longer local."""
+FEATURES = 1500
+"""Features of an image that are matched: a second witness beside the tracks."""
 CHUNK = 96
 """Frames that are tracked at a time, which limits memory; the next chunk begins early enough for its first pairs."""
 
@@ -33,6 +38,8 @@ class Chunk:
     """(P, F, 2) in normalised coordinates; NaN where a corner is not seen."""
     pixel: float
     """Size of a pixel of the tracked images in normalised coordinates."""
+    matches: Callable[[int, int], TwoViews] | None = None
+    """Matches of features of two of the F frames, found without the tracks; None where there are no images."""
     _views: dict[tuple[int, int], TwoViews] = field(default_factory=dict[tuple[int, int], TwoViews], repr=False)
 
     def views(self, first: int, second: int) -> TwoViews:
@@ -77,6 +84,29 @@ def chunks(sequence: Sequence, places: NDArray[np.int64], advance: Callable[[], 
         uv, _ = followed(images)
         seen = np.isfinite(uv[..., 0])
         x = np.full(uv.shape, np.nan)
-        rays, valid = camera.unproject(uv[seen])
-        x[seen] = np.where((valid & (rays[:, 2] > 0.1))[:, None], rays[:, :2] / np.maximum(rays[:, 2:], 0.1), np.nan)
-        yield Chunk(first, min(CHUNK, len(images)), x, 1 / camera.fx)
+        x[seen] = _normalised(camera, uv[seen])
+        yield Chunk(first, min(CHUNK, len(images)), x, 1 / camera.fx, _matcher(tuple(images), camera))
+
+
+def _normalised(camera: Camera, uv: Array) -> Array:
+    """Pixels (N, 2) in normalised coordinates; NaN where a ray does not lead forwards."""
+    rays, valid = camera.unproject(uv)
+    forwards = (valid & (rays[:, 2] > 0.1))[:, None]
+    return np.where(forwards, rays[:, :2] / np.maximum(rays[:, 2:], 0.1), np.nan)
+
+
+def _matcher(images: tuple[Image, ...], camera: Camera) -> Callable[[int, int], TwoViews]:
+    """Returns the matches of two of the images, whose features are found once."""
+
+    @cache
+    def features(place: int) -> Features:
+        return SIFT.detect_and_describe(images[place], FEATURES)
+
+    def matches(first: int, second: int) -> TwoViews:
+        a, b = features(first), features(second)
+        which = SIFT_MATCHER.match(a, b)
+        x1, x2 = (_normalised(camera, each.uv[which[:, k]].astype(float)) for k, each in enumerate((a, b)))
+        good = np.isfinite(x1[:, 0]) & np.isfinite(x2[:, 0])
+        return TwoViews(x1[good], x2[good], 1 / camera.fx)
+
+    return matches

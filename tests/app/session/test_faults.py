@@ -16,7 +16,7 @@ from ispom_app.engine.playback import Playback
 from ispom_app.engine.run_folder.run_folder import is_unfinished, locked
 from ispom_app.features.branches.commands import Fork
 from ispom_app.features.recording.commands import Record, RepairRecordings, StopRecording
-from ispom_app.features.recording.listing import list_recordings
+from ispom_app.features.recording.listing import list_recordings, list_unfinished
 from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
 from ispom_app.session.branches.state import Branches
@@ -193,9 +193,14 @@ def test_what_a_stopped_app_left_unfinished_is_listed_and_repaired(tmp_path: Pat
     with FileRecording(running, run.opened):
         session = started(tmp_path, autoplay=False)
         wait_for(lambda: session.state.phase == "ready", "opening")
-        assert session.state[Recordings].unfinished == (".part-empty.rrd", ".part-foreign.rrd", ".part-left.rrd")
+        left_over = [each.name for each in list_unfinished(tmp_path)]
+        assert left_over == [
+            ".part-empty.rrd",
+            ".part-foreign.rrd",
+            ".part-left.rrd",
+        ]
         session.post(RepairRecordings())
-        wait_for(lambda: session.state[Recordings].unfinished == (".part-foreign.rrd",), "the repair")
+        wait_for(lambda: session.state[Recordings].listed and list_unfinished(tmp_path) == (foreign,), "the repair")
         assert [file.name for file in session.state[Recordings].listed] == ["left.rrd"] and exposures_in(left) == {0}
         assert ".part-foreign.rrd" in session.state.notices[-1].text and session.close(5.0)
     assert foreign.read_bytes() == b"somebody else's, or another version's"
@@ -209,9 +214,9 @@ def test_a_run_that_was_killed_is_repaired_in_the_page_and_listed_then(tmp_path:
     with locked(running):
         session = started(recordings, autoplay=False)
         wait_for(lambda: session.state.phase == "ready", "opening")
-        assert session.state[Recordings].unfinished == ("killed",) and not session.state[Recordings].listed
+        assert list_unfinished(recordings) == (killed,) and not session.state[Recordings].listed
         session.post(RepairRecordings())
-        wait_for(lambda: not session.state[Recordings].unfinished, "the repair")
+        wait_for(lambda: session.state[Recordings].listed, "the repair")
         assert [found.name for found in session.state[Recordings].listed] == ["killed"]
         assert not session.state.notices and session.close(5.0)
         assert {name: (running / name).read_bytes() for name in before} == before

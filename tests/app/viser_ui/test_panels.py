@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -33,14 +32,6 @@ def session(tmp_path: Path) -> Any:
     return SimpleNamespace(
         state=STATE, opened=None, run=None, post=commands.append, asked=commands, folders=Folders(tmp_path)
     )
-
-
-def test_names_that_are_not_utf_8_are_shown_by_their_escapes(gui, session):
-    """viser has no message for them: all panels would be missing."""
-    cafe = os.fsdecode(b"caf\xe9")
-    recordings = RecordPanel(gui, session)
-    recordings.show(STATE.having(Recordings(unfinished=(f".part-{cafe}.rrd",))))
-    assert "caf\\udce9" in gui.text
 
 
 def test_names_of_recordings_are_never_markup(gui, session):

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from ispom.evaluation.judge.evidence import Evidence, of_chunk
 from ispom.evaluation.judge.judgement import Judgement, judge
+from ispom.evaluation.judge.pairs import TwoViews
 from ispom.evaluation.judge.poses import Change, changed, covered, drifted, turned
 from ispom.evaluation.judge.shake import Smoothing
 from ispom.evaluation.judge.tracks import Chunk
@@ -49,6 +50,13 @@ def judged(poses: Trajectory, noise_px: float = 0.3) -> Judgement:
     has_pose = covered(poses, TIMES_NS)
     evidence: Evidence = of_chunk(CHUNKS[noise_px], changed(poses, TIMES_NS, Change()), has_pose)
     return judge(evidence, poses, TIMES_NS, has_pose)
+
+
+def witnessed(tracked: Trajectory, matched: Trajectory) -> Judgement:
+    """TRUTH, judged by tracks and by matches that may show another motion."""
+    chunk, other = tracks(0.3, tracked), tracks(0.3, matched)
+    evidence = of_chunk(replace(chunk, matches=other.views), TRUTH, np.ones(FRAMES, bool))
+    return judge(evidence, TRUTH, TIMES_NS, np.ones(FRAMES, bool))
 
 
 def found(judgement: Judgement) -> dict[str, float]:
@@ -203,3 +211,22 @@ def test_poses_between_which_is_interpolated_are_not_called_smoothed() -> None:
     """A third of the poses, at other times than the frames."""
     sparse = path(TIMES_NS[::3] * 1e-9 + 0.01)
     assert judged(sparse).smoothing is None
+
+
+JUMPED = replace(TRUTH, rotations=np.concatenate([TRUTH.rotations[:40], TRUTH.rotations[40:] @ so3_exp([0.05, 0, 0])]))
+TURNING = drifted(TRUTH, Change(turning=np.radians([0.0, 3.0, 0.0])))
+
+
+@pytest.mark.parametrize("tracked", [JUMPED, TURNING], ids=["a place", "all poses"])
+def test_tracks_alone_deny_nothing_that_matches_confirm(tracked: Trajectory) -> None:
+    """Tracks may slip together, as along a rail."""
+    assert witnessed(tracked, tracked).verdict == "contradicted"
+    judgement = witnessed(tracked, TRUTH)
+    assert not judgement.denied and not found(judgement)
+
+
+def test_without_matches_nothing_is_denied() -> None:
+    few = tracks(0.3, JUMPED)
+    chunk = replace(few, matches=lambda first, second: TwoViews(np.zeros((0, 2)), np.zeros((0, 2)), PIXEL))
+    evidence = of_chunk(chunk, TRUTH, np.ones(FRAMES, bool))
+    assert not judge(evidence, TRUTH, TIMES_NS, np.ones(FRAMES, bool)).denied

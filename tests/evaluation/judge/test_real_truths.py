@@ -10,7 +10,7 @@ import pytest
 from ispom_app.cli.main import main
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
-KITTI, BOARD = DATA / "kitti", DATA / "handheld_board"
+KITTI, BOARD, TERRACE = DATA / "kitti", DATA / "handheld_board", DATA / "hard" / "terrace"
 pytestmark = pytest.mark.slow
 
 
@@ -23,6 +23,12 @@ def judged(poses: Path, recording: Path, capsys: pytest.CaptureFixture[str]) -> 
 def test_the_truth_of_the_board_agrees(capsys: pytest.CaptureFixture[str]) -> None:
     """A plane, whose images have two explanations."""
     assert judged(BOARD / "groundtruth.txt", BOARD, capsys)["verdict"] == "agrees"
+
+
+@pytest.mark.skipif(not TERRACE.is_dir(), reason="no ../shared/data/hard")
+def test_the_truth_of_a_terrace_agrees(capsys: pytest.CaptureFixture[str]) -> None:
+    """Tracks slip along its rail, and show a motion that matches of features deny."""
+    assert judged(TERRACE / "truth.tum", TERRACE / "images", capsys)["verdict"] == "agrees"
 
 
 @pytest.mark.skipif(not KITTI.is_dir(), reason="no ../shared/data/kitti")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ispom.ensemble import build
+from ispom.methods import named_methods
 from ispom.types import images_of
 
 from ....engine.events import Finished, Stepped
@@ -99,9 +100,19 @@ class Runs:
             self._made[key] = self._run(asked, self.place / str(len(self._made)))
         return self._made[key]
 
+    def require(self, asked: RunRequest) -> None:
+        """Raises InputError where a source cannot be opened, or a method not be made for it: before anything is run."""
+        rig = _options(asked).open(asked.source).rig
+        self.builder(asked.config, named_methods(asked.methods, rig), rig)
+
     def _run(self, asked: RunRequest, folder: Path) -> KeptRun:
-        options = Run(source=asked.source, methods=asked.methods, settings=settings_of(asked.config), out=folder)
+        options = replace(_options(asked), out=folder)
         sequence, ends = options.open(asked.source), frozenset(self.ends)
         job = played_into(options, sequence, self.builder, progress=silent, seen=lambda p: Kept(p, ends))
         assert isinstance(job.seen, Kept)
         return KeptRun(folder, job.seen)
+
+
+def _options(asked: RunRequest) -> Run:
+    """Those of `ispom run` for it."""
+    return Run(source=asked.source, methods=asked.methods, settings=settings_of(asked.config))

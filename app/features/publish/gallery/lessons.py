@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ispom.errors import printable
+from ispom.errors import InputError, printable
 
 from ....engine.playback import Builder
 from ....session.sources.folders import run_name
@@ -86,6 +86,8 @@ def lessons_data(lessons: list[Lesson], builder: Builder, most_bytes: float) -> 
     found = {"site.bin": packed({"first": f"{lessons[0].name}-1", "listed": listed})}
     with TemporaryDirectory() as place:
         runs = Runs(Path(place), ends_of(lessons), builder)
+        for lesson in lessons:
+            _require(lesson, runs)
         for number, lesson in enumerate(lessons, 1):
             sys.stderr.write(f"{number} of {len(lessons)}: {printable(lesson.title)}\n")
             for step in lesson.steps:
@@ -94,6 +96,15 @@ def lessons_data(lessons: list[Lesson], builder: Builder, most_bytes: float) -> 
         for lesson in lessons:
             found |= lesson_files(lesson, runs, most_bytes / images)
     return found
+
+
+def _require(lesson: Lesson, runs: Runs) -> None:
+    """Raises InputError, which names the lesson, where one of its runs cannot be made."""
+    for request in _once(request for step in lesson.steps for request in (step.own, *step.runs.values())):
+        try:
+            runs.require(request)
+        except InputError as error:
+            raise InputError(f"lesson {lesson.name}: {error}") from None
 
 
 def lesson_files(lesson: Lesson, runs: Runs, image_bytes: float) -> Iterator[tuple[str, bytes]]:

@@ -6,12 +6,28 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from ispom_app.cli.main import main
+
+from ispom.errors import InputError
 
 from .read import data
 
 
 def steps(site: Path) -> list[dict]:
     return data(site, "lesson-own")["steps"]
+
+
+def test_a_lesson_that_cannot_be_made_is_refused_before_anything_is_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    built = []
+
+    def without_a_package(config, methods, rig):
+        built.append(methods)
+        raise InputError("the package is missing")
+
+    assert main(["publish", "scale", "--lessons", "--out", str(tmp_path / "site")], without_a_package) == 2
+    assert len(built) == 1 and capsys.readouterr().err.startswith("ispom: lesson scale: the package is missing")
 
 
 def test_each_step_is_asked_about_a_run_and_has_its_answer(lessons: Path) -> None:

@@ -12,6 +12,7 @@ from ispom_app.features.headless.options import Run as Options
 
 from tests.app import helpers
 from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, browser, expect, launched  # noqa: F401 - a fixture
+from tests.app.strangers import killed_run
 from tests.sequences.kitti_folder import make_drive
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
@@ -90,6 +91,18 @@ def test_a_wrong_path_is_reported_at_its_field_and_the_right_one_opens(page: Pag
     page.tab.keyboard.press("Enter")
     page.until("state.phase === 'ready'", "the recording")
     page.tab.locator("#start").wait_for(state="hidden")
+
+
+def test_a_run_that_was_killed_is_named_and_repaired_when_a_person_says_so(page: Page, app: App) -> None:
+    assert page.tab.locator("#unfinished").is_hidden()
+    killed_run(app.recordings, recording=False).rename(app.recordings / "killed")
+    before = {path.name for path in (app.recordings / "killed").iterdir()}
+    page.tab.locator("#unfinished").filter(has_text="killed").wait_for()
+    assert row(page, "killed").count() == 0 and {p.name for p in (app.recordings / "killed").iterdir()} == before
+    page.tab.locator("#repair").click()
+    row(page, "killed").wait_for()
+    page.tab.locator("#unfinished").wait_for(state="hidden")
+    assert (app.recordings / "killed" / "stereo.tum").is_file() and not page.faults
 
 
 def test_the_table_lists_finished_runs_keeps_notes_and_opens_one(page: Page, app: App) -> None:

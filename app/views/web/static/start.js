@@ -5,6 +5,7 @@ import { makeRuns } from "./runs_table.js";
 
 const at = (id) => document.getElementById(id);
 const screen = at("start");
+const MOST_NAMED = 5; // unfinished runs
 
 // `command` asks the session for something, `changed` is called when the screen was opened or closed by hand.
 export function makeStart(command, modes, changed) {
@@ -83,13 +84,22 @@ export function makeStart(command, modes, changed) {
     runs.follow(shown, next, (found) => paint(found));
   }
 
+  // Runs that were killed are in no row of the table: a person is asked before anything is written into their folders.
+  function nameUnfinished(names) {
+    at("unfinished").hidden = !names.length;
+    const more = names.length > MOST_NAMED ? ` and ${names.length - MOST_NAMED} more` : "";
+    at("unfinished").firstElementChild.textContent =
+      `Not finished, as the program was stopped: ${names.slice(0, MOST_NAMED).join(", ")}${more}.`;
+  }
+
   // The source of the command line, which could not be opened.
   function failed({ source, notices }) {
     at("path").value = source;
     at("path-fault").textContent = notices.findLast(({ kind }) => kind === "error")?.text ?? "";
   }
 
-  function paint({ recent, lessons }) {
+  function paint({ recent, lessons, unfinished }) {
+    nameUnfinished(unfinished);
     at("recent").hidden = !recent.length;
     at("recent").replaceChildren("Recent: ", ...recent.slice(0, 5).map((source) => link(nameOf(source), source, () => openPath(source))));
     lesson = lessons.find(({ done, steps }) => done > 0 && done < steps) ?? lessons.find(({ done }) => done === 0);
@@ -108,6 +118,7 @@ export function makeStart(command, modes, changed) {
     ask(at("path-fault"), { do: "open_source", source });
   }
 
+  at("repair").addEventListener("click", () => command({ do: "repair_recordings" }));
   at("home").addEventListener("click", () => show(!open));
   at("back").addEventListener("click", close);
   at("demo").addEventListener("click", ({ target }) =>
