@@ -60,3 +60,12 @@ def run(estimator: Any, exposures: Iterable[Measurement]) -> Iterator[Step]:
         if not isinstance(estimator, Alone) or estimator.uses(exposure):
             state, step = estimator.step(state, exposure)
             yield step
+
+
+def stepped_through(estimator: Any, exposures: Iterable[Measurement], state: Any = None) -> tuple[Any, list[Step]]:
+    """The state after exposures, all of which the estimator uses, and their Steps; from its start, or a state on."""
+    state, steps = estimator.start() if state is None else state, list[Step]()
+    for exposure in exposures:
+        state, step = estimator.step(state, exposure)
+        steps.append(step)
+    return state, steps

@@ -188,7 +188,7 @@ def test_built_in_methods_refuse_other_measurements_by_a_sentence(name: str) -> 
     estimator: Any = methods.method(name).config().build(rig)
     inputs = ({},) if methods.method(name).asks else ()
     for measurement in (*FINE, Frame(3, {"back": GREY})):
-        with pytest.raises(InputError, match="this method steps on"):
+        with pytest.raises(InputError, match="steps on"):
             estimator.step(estimator.start(), measurement, *inputs)
 
 
@@ -198,7 +198,7 @@ def test_stereo_refuses_a_frame_of_the_same_time() -> None:
     frames = [sequence[i] for i, kind in enumerate(sequence.kinds) if kind == "stereo"]
     state, _ = ensemble.step(ensemble.start(), frames[0])
     state, _ = ensemble.step(state, frames[1])
-    with pytest.raises(InputError, match="is not later than the one before it"):
+    with pytest.raises(InputError, match="not later"):
         ensemble.step(state, frames[1])
 
 
@@ -206,7 +206,7 @@ def test_a_missing_sensor_is_named() -> None:
     method = Method("wheels", frozenset({"video", "wheel", "sonar"}), Config, "own", "nobody")
     methods.add(method)
     try:
-        with pytest.raises(InputError, match="wheels needs a sensor sonar and a wheel odometer, which"):
+        with pytest.raises(InputError, match=r"wheels needs .*sonar"):
             require_sensors(("wheels",), doubles.rig())
     finally:
         methods.REGISTRY.remove(method)

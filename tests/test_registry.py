@@ -42,6 +42,6 @@ def test_a_value_is_imported_when_it_is_asked_for(things: Registry[Thing]) -> No
 
 
 def test_a_name_that_is_none_is_refused_with_all_names(things: Registry[Thing]) -> None:
-    with pytest.raises(InputError, match="'other' is no thing: choose from late"):
+    with pytest.raises(InputError, match=r"'other' .*late"):
         things.get("other")
     assert MODULE not in sys.modules

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from errno import ENOSPC
 from io import FileIO
 from pathlib import Path
 
@@ -44,19 +45,19 @@ def sentence(capsys: pytest.CaptureFixture[str], *arguments: str, builder: Build
 
 
 def test_path_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert f"{tmp_path}/nowhere does not exist: correct the path" in sentence(capsys, f"{tmp_path}/nowhere")
+    assert f"{tmp_path}/nowhere" in sentence(capsys, f"{tmp_path}/nowhere")
 
 
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("~no-such-user/drive", "~no-such-user/drive does not exist"),
-        ("x" * 5000, "cannot be read (File name too long)"),
-        ("a\0b", "a\\x00b cannot be read (not a valid path)"),
-        ("sim:city#" + "9" * 5000, "after # comes a seed, a whole number up to 4294967295"),
-        ("sim:city#-1", "after # comes a seed"),
-        ("sim:nowhere", "there is no simulated sequence sim:nowhere"),
-        ("/dev/null", "is a file of no known kind"),
+        ("~no-such-user/drive", "~no-such-user/drive"),
+        ("x" * 5000, "(File name too long)"),
+        ("a\0b", "a\\x00b"),
+        ("sim:city#" + "9" * 5000, "4294967295"),
+        ("sim:city#-1", "4294967295"),
+        ("sim:nowhere", "sim:nowhere"),
+        ("/dev/null", "/dev/null is a file"),
         ("", "has no known layout"),
     ],
 )
@@ -72,9 +73,7 @@ def test_a_pipe_in_place_of_any_file_of_a_recording(tmp_path: Path, capsys: pyte
         content = path.read_bytes()
         path.unlink()
         os.mkfifo(path)
-        assert "is a named pipe: give a regular file in its place" in sentence(
-            capsys, str(drive), "--out", str(tmp_path / name[:5])
-        )
+        assert f"{path.name} is a named pipe" in sentence(capsys, str(drive), "--out", str(tmp_path / name[:5]))
         path.unlink()
         path.write_bytes(content)
 
@@ -84,7 +83,7 @@ def test_a_pipe_in_place_of_the_first_image_where_nothing_describes_the_camera(
 ) -> None:
     """Its EXIF was waited for, for ever."""
     os.mkfifo(tmp_path / "0.png")
-    assert "0.png is a named pipe: give a regular file in its place" in sentence(capsys, str(tmp_path))
+    assert "0.png is a named pipe" in sentence(capsys, str(tmp_path))
 
 
 @pytest.mark.parametrize("name", ["times.txt", "../../poses/07.txt", "calib.txt"])
@@ -94,44 +93,42 @@ def test_a_link_to_nothing_is_no_file_that_is_not_there(
     drive = make_drive(tmp_path / "kitti")
     (drive / name).unlink()
     (drive / name).symlink_to("gone")
-    assert "is a link to gone, which is missing: restore or remove it" in sentence(capsys, str(drive))
+    assert f"{Path(name).name} is a link to gone" in sentence(capsys, str(drive))
 
 
 def test_a_file_of_no_known_kind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes.txt").touch()
     said = sentence(capsys, f"{tmp_path}/notes.txt")
-    assert "notes.txt is a file of no known kind" in said and all(
-        f".{kind}, " in said for kind in ("avi", "mkv", "mp4")
-    )
+    assert "notes.txt" in said and all(f".{kind}, " in said for kind in ("avi", "mkv", "mp4"))
 
 
 @pytest.mark.parametrize("name", ["drive.zip", "drive.TAR.GZ", "drive.7z"])
 def test_an_archive(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / name).write_bytes(b"PK")
-    assert f"{name} is an archive: unpack it" in sentence(capsys, f"{tmp_path}/{name}")
+    assert f"{name} is an archive" in sentence(capsys, f"{tmp_path}/{name}")
 
 
 def test_a_video_whose_images_nothing_here_decodes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     film = make_video(tmp_path)
     film.write_bytes(film.read_bytes().replace(b"MJPG", b"VP90"))
-    assert "no image that can be decoded (VP90): restore the file, or convert it" in sentence(capsys, str(film))
+    assert "(VP90)" in sentence(capsys, str(film))
 
 
 def test_a_video_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "film.mp4").touch()
-    assert "film.mp4 is not a video in MP4" in sentence(capsys, f"{tmp_path}/film.mp4")
+    assert "film.mp4 is not" in sentence(capsys, f"{tmp_path}/film.mp4")
     (tmp_path / "film.yaml").write_text("{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}")
-    assert "film.mp4 is not a video in MP4" in sentence(capsys, f"{tmp_path}/film.mp4")
+    assert "film.mp4 is not" in sentence(capsys, f"{tmp_path}/film.mp4")
 
 
 def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes.txt").touch()
     message = sentence(capsys, str(tmp_path))
-    assert f"{tmp_path} has no known layout (looked for image_0 and calib.txt" in message and "give a folder" in message
+    assert str(tmp_path) in message and "image_0 and calib.txt" in message
     for name in ("b.mp4", "a.mp4", "camera.yaml"):
         (tmp_path / name).touch()
     message = sentence(capsys, str(tmp_path))
-    assert message.rstrip().endswith(f"give a recording in it, such as {tmp_path}/a.mp4")
+    assert message.rstrip().endswith(f"{tmp_path}/a.mp4")
 
 
 def test_unknown_layout_next_to_a_link_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,12 +136,12 @@ def test_unknown_layout_next_to_a_link_to_nothing(tmp_path: Path, capsys: pytest
     (tmp_path / "drive").mkdir()
     (tmp_path / "drive" / "sequence.yaml").symlink_to("/nowhere")
     (tmp_path / "gone").symlink_to("/nowhere")
-    assert f"{tmp_path} has no known layout" in sentence(capsys, str(tmp_path))
-    assert "sequence.yaml is a link to /nowhere, which is missing" in sentence(capsys, f"{tmp_path}/drive")
+    assert "/nowhere" not in sentence(capsys, str(tmp_path))
+    assert "sequence.yaml is a link to /nowhere" in sentence(capsys, f"{tmp_path}/drive")
 
 
 def test_empty_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert f"{tmp_path} is an empty folder: give" in sentence(capsys, str(tmp_path))
+    assert f"{tmp_path} is an empty folder" in sentence(capsys, str(tmp_path))
 
 
 def edit(name: str, change: Callable[[str], str]) -> Callable[[Path], None]:
@@ -160,30 +157,30 @@ def empty(name: str) -> Callable[[Path], None]:
 
 
 BROKEN = {
-    "calibration missing": (remove("calib.txt"), "calib.txt is missing: restore the file"),
-    "calibration malformed": (edit("calib.txt", lambda t: t[:30]), "calib.txt line 1: P0 needs 12 numbers"),
-    "calibration no text": (lambda d: (d / "calib.txt").write_bytes(b"\xff\xfe\x00"), "calib.txt line 1: it is not"),
+    "calibration missing": (remove("calib.txt"), "calib.txt is missing"),
+    "calibration malformed": (edit("calib.txt", lambda t: t[:30]), "calib.txt line 1: P0"),
+    "calibration no text": (lambda d: (d / "calib.txt").write_bytes(b"\xff\xfe\x00"), "calib.txt line 1"),
     "calibration without right": (
         edit("calib.txt", lambda t: t.splitlines()[0]),
-        "calib.txt has no line 'P1: ...' for image_1: give",
+        "'P1: ...' for image_1",
     ),
     "right camera on the left": (
         edit("calib.txt", lambda t: t.replace("-40", "40")),
-        "P1 is not P0 moved to the right",
+        "P1 is not P0",
     ),
-    "focal length zero": (edit("calib.txt", lambda t: t.replace("80 ", "0 ", 1)), "the focal length is not positive"),
-    "focal length negative": (edit("calib.txt", lambda t: t.replace("80 ", "-80 ", 1)), "the focal length is not"),
+    "focal length zero": (edit("calib.txt", lambda t: t.replace("80 ", "0 ", 1)), "focal length"),
+    "focal length negative": (edit("calib.txt", lambda t: t.replace("80 ", "-80 ", 1)), "focal length"),
     "fewer poses than images": (
         edit("../../poses/07.txt", lambda t: t.split("\n", 1)[1]),
-        "07.txt has 5 poses for 6 images: give the complete file, or move it away",
+        "07.txt has 5 poses for 6 images",
     ),
-    "a pose is no number": (edit("../../poses/07.txt", lambda t: t.replace("0.4", "x")), "07.txt line 3: 'x' is not"),
+    "a pose is no number": (edit("../../poses/07.txt", lambda t: t.replace("0.4", "x")), "07.txt line 3: 'x'"),
     "times not increasing": (edit("times.txt", lambda t: t.replace("3.0", "1.0")), "times.txt line 4: time 1.0"),
     "times missing": (remove("times.txt"), "times.txt is missing"),
-    "fewer times than images": (edit("times.txt", lambda t: t.split("\n", 1)[1]), "5 times for 6 images: give"),
-    "no images": (empty("image_0"), "image_0 holds no image: give"),
-    "an image missing": (remove("image_0/000002.png"), "000002.png is missing: images are numbered"),
-    "a right image missing": (remove("image_1/000005.png"), "image_1 holds 5 images, image_0 6: restore"),
+    "fewer times than images": (edit("times.txt", lambda t: t.split("\n", 1)[1]), "5 times for 6 images"),
+    "no images": (empty("image_0"), "image_0 holds no image"),
+    "an image missing": (remove("image_0/000002.png"), "000002.png is missing"),
+    "a right image missing": (remove("image_1/000005.png"), "image_1 holds 5 images, image_0 6"),
     "first image empty": (lambda d: (d / "image_0/000000.png").write_bytes(b""), "000000.png is not a whole image"),
 }
 
@@ -226,14 +223,14 @@ def test_a_bad_image_in_the_middle_loses_nothing(
     )  # it may vanish while the run goes on, too
     spoil(drive / image)
     printed = sentence(capsys, str(drive), "--out", str(out))
-    assert f"{drive / image} {message}" in printed and "restore" in printed
+    assert f"{drive / image} {message}" in printed
     assert message in (out / MARKER).read_text()
     assert len(read_tum(out / "monocular.tum")) == len(read_tum(out / "stereo.tum")) == 3
 
 
 def test_fewer_than_three_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     message = sentence(capsys, str(make_drive(tmp_path, frames=2)))
-    assert "has 2 frames, a run needs 3 or more: give a longer sequence" in message
+    assert "2 frames, a run needs 3" in message
 
 
 @pytest.mark.parametrize("method", ["stereo", "integrated"])
@@ -242,7 +239,7 @@ def test_right_camera_missing_where_stereo_is_required(
 ) -> None:
     drive = make_drive(tmp_path / "kitti", right=False)
     message = sentence(capsys, str(drive), "--methods", method, "--out", str(tmp_path / "out"), builder=build)
-    assert f"{method} needs a left and a right camera" in message and "--methods" in message
+    assert f"{method} needs" in message and "--methods" in message
 
 
 def test_frame_of_a_camera_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -254,7 +251,7 @@ def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     """Real estimators: they find nothing, and the folder says so."""
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
     message = sentence(capsys, str(drive), "--out", str(out), builder=build)
-    assert "no method found any motion: give images with texture" in message
+    assert "texture" in message
     assert "no method" in (out / MARKER).read_text() and (out / "metrics.json").exists()
 
 
@@ -291,26 +288,26 @@ def test_no_motion_of_images_that_are_mixed_up(
     )
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
     message = sentence(capsys, str(drive), "--out", str(out), builder=build)
-    assert "no method found any motion: left and right seem to be exchanged" in message and "texture" not in message
+    assert "exchanged" in message and "texture" not in message
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--stereo-every", "0"), "--stereo-every is 0, give 1 or more"),
-        (("--video-scale", "7"), "--video-scale is 7, give a value from"),
-        (("--stereo-every", "-3"), "--stereo-every is -3, give 1 or more"),
-        (("--video-scale", "nan"), "--video-scale is nan, give a value from"),
-        (("--video-scale", "0"), "--video-scale is 0, give a value from"),
-        (("--max-exposures", "1"), "--max-exposures is 1, give 3 or more"),
-        (("--max-exposures", "-1"), "--max-exposures is -1, give 3 or more"),
-        (("--seed", "-1"), "--seed is -1, give a value from 0 to 4294967295"),
-        (("--max-exposures", "9" * 400), "give 3 or more"),
-        (("--stereo-every", "9" * 400), "give 1 or more"),
-        (("--monocular.max-tracks", "9" * 400), "--monocular.max-tracks is inf, give a value from"),
-        (("--seed", "9" * 400), "give a value from 0 to 4294967295"),
-        (("--camera", "nowhere.yaml"), "has its own calibration"),
-        (("--monocular.max-tracks", "1"), "--monocular.max-tracks is 1, give a value from"),
+        (("--stereo-every", "0"), "--stereo-every is 0, give 1"),
+        (("--video-scale", "7"), "--video-scale is 7"),
+        (("--stereo-every", "-3"), "--stereo-every is -3, give 1"),
+        (("--video-scale", "nan"), "--video-scale is nan"),
+        (("--video-scale", "0"), "--video-scale is 0"),
+        (("--max-exposures", "1"), "--max-exposures is 1, give 3"),
+        (("--max-exposures", "-1"), "--max-exposures is -1, give 3"),
+        (("--seed", "-1"), "--seed is -1"),
+        (("--max-exposures", "9" * 400), "give 3"),
+        (("--stereo-every", "9" * 400), "give 1"),
+        (("--monocular.max-tracks", "9" * 400), "--monocular.max-tracks is inf"),
+        (("--seed", "9" * 400), "0 to 4294967295"),
+        (("--camera", "nowhere.yaml"), "own calibration"),
+        (("--monocular.max-tracks", "1"), "--monocular.max-tracks is 1,"),
     ],
 )
 def test_options_out_of_range(
@@ -329,7 +326,7 @@ def test_options_that_do_not_exist(option: tuple[str, ...], tmp_path: Path) -> N
 def test_unwritable_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("kept")
     message = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "file" / "out"))
-    assert "file/out cannot be created" in message and "give another" in message
+    assert f"{tmp_path}/file/out" in message
     assert (tmp_path / "file").read_text() == "kept"
 
 
@@ -342,7 +339,7 @@ def test_disk_full_while_writing(
     monkeypatch.setattr(whole, "create_file", full)
     out = tmp_path / "out"
     message = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
-    assert "integrated.tum cannot be written (No space left on device): make room" in message
+    assert "integrated.tum" in message and os.strerror(ENOSPC) in message
     logs = {"steps.csv", "decisions.csv", "events.csv"}
     assert {p.name for p in out.iterdir()} == logs | {
         *("run.yaml", "rig.yaml", "truth.tum", "monocular.tum", "stereo.tum", "poses.csv", "metrics.json"),
@@ -364,7 +361,7 @@ def test_disk_full_while_recording(
     monkeypatch.setattr(file_recording.FileRecording, "write", full)
     out = tmp_path / "out"
     assert main(["run", str(make_drive(tmp_path / "kitti")), "--out", str(out)], fakes) == 2
-    assert "No space left on device): free some space" in capsys.readouterr().err
+    assert os.strerror(ENOSPC) in capsys.readouterr().err
     assert {f"{m}.tum" for m in METHODS} | {"metrics.json", "run.rrd", MARKER} <= {p.name for p in out.iterdir()}
     assert "No space" in (out / MARKER).read_text()
 

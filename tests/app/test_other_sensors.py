@@ -32,7 +32,7 @@ from ispom.estimator import Method
 from ispom.plausibility import Doubt
 from ispom.types import Camera, Frame, GnssAntenna, GnssFix, Imu, ImuSamples, Measurement, Rig, Sequence, Status, Step
 from tests import doubles
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import run_to_end, started, wait_for
 from tests.app.rerun_log.test_recorder import read
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 from tests.app.viser_ui.test_screen import FakeSession
@@ -87,10 +87,7 @@ def fused() -> Iterator[Method]:
 
 @pytest.fixture(scope="module")
 def run(fused: Method) -> CurrentRun:
-    found = CurrentRun(Playback(sequence(), RUN, builder=build), 10**8)
-    while not found.playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(sequence(), RUN, builder=build))
 
 
 def of_kind(run: CurrentRun, kind: str) -> list[int]:

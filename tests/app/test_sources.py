@@ -12,6 +12,7 @@ from ispom_app.features.sources.description import described
 
 from ispom.sequences import open_sequence
 from tests import doubles
+from tests.alone import METHODS, PAPER
 from tests.sequences.folders import MAKERS, make_euroc
 from tests.sequences.own_folders import make_images
 
@@ -21,9 +22,11 @@ def test_cameras_rates_truth_and_notes_are_reported(tmp_path: Path, capsys: pyte
     printed = capsys.readouterr().out.splitlines()
     assert printed[0] == "EuRoC V9"
     text = " ".join(" ".join(printed).split())
-    assert "stereo 96 x 64 px, baseline 0.11 m, 6 pairs, 20 Hz fx" in text and "no distortion" in text
-    assert "span 0.250 s, from 2014-06-25 16:54:33 UTC gaps none truth at 12 of 12 frames, path 0.250 m" in text
-    assert "methods monocular, stereo, integrated, monocular.paper, stereo.paper, integrated.paper" in text
+    assert all(part in text for part in ("96 x 64 px", "0.11 m", "6 pairs", "20 Hz")) and "no distortion" in text
+    assert all(
+        part in text for part in ("span 0.250 s", "2014-06-25 16:54:33 UTC", "gaps none", "12 of 12", "path 0.250 m")
+    )
+    assert ", ".join((*METHODS, *PAPER)) in text
     assert "note Emulated" in text
 
 
@@ -33,8 +36,8 @@ def test_gaps_and_uneven_rates_are_reported() -> None:
     times_ns = sequence.times_ns.copy()
     times_ns[video[10] :] += 500_000_000
     text = "\n".join(described(replace(sequence, times_ns=times_ns, truth=None)))
-    assert "30 Hz (median; not even)" in text and "1 between frames, the longest: 0.533 s at 0.300 s" in text
-    assert "truth   none" in text and "distortion -0.05, 0.01, 0, 0" in text and "note    a stand-in for tests" in text
+    assert "30 Hz" in text and "not even" in text and "0.533 s at 0.300 s" in text
+    assert "truth   none" in text and "distortion -0.05, 0.01, 0, 0" in text and doubles.sequence().notes[0] in text
 
 
 @pytest.mark.parametrize("kind", MAKERS)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli.main import main
 from ispom_app.engine.playback import Builder
 from ispom_app.features.headless import suspicions
 
@@ -18,6 +17,7 @@ from ispom.io.trajectories import tum_text
 from ispom.types import is_video
 from ispom.types.sequence import Guess
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.film_variants import film
 from tests.sequences.own_folders import write_images
 
@@ -38,7 +38,7 @@ def written(folder: Path, name: str, truth: bool = False) -> str:
 
 def said(source: str, out: Path, capsys: pytest.CaptureFixture[str], builder: Builder = helpers.build) -> str:
     """What follows the line that names the run's folder."""
-    assert main(["run", source, "--methods", "monocular", "--no-recording", "--out", str(out)], builder) == 0
+    ran(source, out, "--methods", "monocular", "--no-recording", builder=builder)
     return capsys.readouterr().out.partition(f"in {out}\n")[2]
 
 

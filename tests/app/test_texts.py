@@ -3,7 +3,19 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.presentation.texts import METRE, angle, computing_time, digits, length, length_unit, lengths, size
+from ispom_app.presentation.texts import (
+    KILOMETRE,
+    METRE,
+    MILLIMETRE,
+    Unit,
+    angle,
+    computing_time,
+    digits,
+    length,
+    length_unit,
+    lengths,
+    size,
+)
 
 
 @pytest.mark.parametrize(
@@ -49,6 +61,23 @@ def test_a_column_shares_one_unit() -> None:
     assert lengths([12_000.0, 20.0]) == ["12000 m", "20.0 m"]
     assert lengths([None, None], "n/a") == ["n/a", "n/a"]
     assert length_unit([0.5, 2.0]) is METRE
+
+
+@pytest.mark.parametrize(
+    ("lengths_m", "unit"),
+    [
+        ([999.9], METRE),
+        ([1000.0], KILOMETRE),
+        ([1000.0, 999.9], METRE),
+        ([100.0, 5000.0], METRE),
+        ([10.0, 0.001], METRE),
+        ([9.9, 0.009], MILLIMETRE),
+        ([1.0, 0.01], METRE),
+        ([0.99], MILLIMETRE),
+    ],
+)
+def test_a_unit_begins_where_its_numbers_do(lengths_m: list[float], unit: Unit) -> None:
+    assert length_unit(lengths_m) is unit
 
 
 def test_angles_and_times_have_their_units_too() -> None:

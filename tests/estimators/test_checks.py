@@ -73,7 +73,7 @@ def test_each_check_and_each_stage_of_a_built_in_method_is_a_sentence(method: st
 
 @pytest.mark.parametrize("text", ["{}", "{threshhold}", "{value.real.x}", "{value:q}", "{"])
 def test_a_sentence_that_cannot_be_filled_in_is_refused_at_once(text: str) -> None:
-    with pytest.raises(ValueError, match="check 'a_key' has a sentence that cannot be filled in"):
+    with pytest.raises(ValueError, match="'a_key'"):
         Check("a_key", "a name", "finding", passes=text)
 
 

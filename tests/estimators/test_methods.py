@@ -65,7 +65,7 @@ def test_the_built_in_methods_in_their_order() -> None:
     assert names() == NAMES
     assert in_order(("stereo.paper", "monocular", "stereo.paper")) == ("monocular", "stereo.paper")
     assert with_dependencies(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
-    with pytest.raises(InputError, match=r"'slam' is no method: choose from monocular.* by --external"):
+    with pytest.raises(InputError, match=r"'slam' .*monocular.*--external"):
         method("slam")
 
 
@@ -95,11 +95,11 @@ def test_a_group_stands_for_its_methods_that_the_rig_has_the_sensors_for(flight:
     assert chosen_methods(("paper", "stereo"), flight.rig) == ("stereo", *PAPER)
     assert chosen_methods((), flight.rig) == METHODS and chosen_methods((), flight.rig, "paper") == PAPER
     assert not set(OF_CAMERAS) & set(chosen_methods(("survey",), flight.rig))
-    with pytest.raises(InputError, match="monocular needs a video camera"):
+    with pytest.raises(InputError, match="monocular needs"):
         chosen_methods(("monocular", "paper"), pair)
     with pytest.raises(InputError, match="paper"):
         chosen_methods(("paper",), ring_rig(5))
-    with pytest.raises(InputError, match="'slam' is no method"):
+    with pytest.raises(InputError, match="'slam'"):
         choices(("slam",))
 
 
@@ -124,7 +124,7 @@ def test_another_packages_method_is_one_of_them(
 def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
     assert names() == NAMES
     bad, two, worse = sorted(REGISTRY.faults())
-    assert "no such library" in bad and "no method of a new name" in two and "worse" in worse
+    assert "no such library" in bad and "new name" in two and "worse" in worse
 
 
 def test_a_shared_dependency_is_computed_once_and_other_methods_change_nothing(

@@ -35,3 +35,9 @@ def python(installed: Path, *words: str | Path) -> subprocess.CompletedProcess[s
     environment = {**os.environ, "PYTHONPATH": str(installed)}
     command = [sys.executable, *map(str, words)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200, check=False)
+
+
+def ispom(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """Runs the program in a process of its own."""
+    command = [sys.executable, "-m", "ispom_app", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)

@@ -18,6 +18,7 @@ from ispom_app.cli.main import main
 
 from ispom.io.trajectories import read_tum
 from tests.examples import stand_in
+from tests.examples.packages import ispom
 from tests.sequences.kitti_folder import make_drive
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -47,11 +48,6 @@ def run(drive: Path, out: Path, other_from: int, *more: str) -> Path:
     found = ispom(*words, "--no-recording", "--out", str(out), *more)
     assert found.returncode == 0, found.stderr
     return out
-
-
-def ispom(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "ispom_app", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
 
 
 def rows(folder: Path, file: str) -> list[dict[str, str]]:

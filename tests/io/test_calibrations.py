@@ -121,7 +121,7 @@ def test_files_of_euroc_and_opencvs_samples_are_read() -> None:
 
 
 def test_a_lens_that_a_format_does_not_have_is_refused() -> None:
-    with pytest.raises(InputError, match="Kalibr has no lens with 8 coefficients"):
+    with pytest.raises(InputError, match=r"Kalibr .*8 coefficients"):
         kalibr_text([Placed("left", RATIONAL, Pose())])
     with pytest.raises(InputError, match=r"EuRoC's sensor\.yaml has no lens"):
         euroc_sensor_text(Placed("left", RATIONAL, Pose()))

@@ -129,7 +129,7 @@ def test_a_calibration_of_another_size_is_offered_scaled(factor: float, tmp_path
     for n in range(4):
         cv2.imwrite(str(folder / f"{n:03d}.png"), np.full((240, 320), 40 * n, np.uint8))
     (tmp_path / "camera.yaml").write_text(camera_text(CAMERA.scaled(factor)))
-    with pytest.raises(InputError, match=r"of the same shape.*--scale-calibration"):
+    with pytest.raises(InputError, match=r"same shape.*--scale-calibration"):
         open_sequence(str(folder))
     opened = open_sequence(str(folder), scale_calibration=True)
     assert_alike(opened.rig.video, CAMERA)
@@ -143,7 +143,7 @@ def test_the_images_of_a_rig_are_offered_scaled(tmp_path: Path) -> None:
             cv2.imwrite(str(tmp_path / side / f"{n:03d}.png"), np.full((240, 320), 40 * n, np.uint8))
     path = tmp_path / "rig.yaml"
     path.write_text(next(each for each in EXAMPLES if each.dialect == "ispom_rig").content.decode())
-    with pytest.raises(InputError, match="halve it with --scale-calibration"):
+    with pytest.raises(InputError, match=r"halve it .*--scale-calibration"):
         open_sequence(str(tmp_path))
     opened = open_sequence(str(tmp_path), scale_calibration=True)
     assert (opened.rig.camera("left").fx, opened.rig.camera("left").cx) == (230, 159.5)
@@ -200,12 +200,12 @@ def test_what_is_not_recognised_says_what_was_looked_for(tmp_path: Path) -> None
     ):
         path = tmp_path / name
         path.write_text(text)
-        with pytest.raises(InputError, match="is no calibration that is known") as caught:
+        with pytest.raises(InputError, match="no calibration") as caught:
             one_camera(path)
         assert word in caught.value.args[0]
 
 
 def test_a_file_of_a_pair_says_how_many_cameras_it_has(tmp_path: Path) -> None:
     example = next(each for each in EXAMPLES if each.name == "rectified.yaml")
-    with pytest.raises(InputError, match=r"holds 2 cameras \(left, right\)"):
+    with pytest.raises(InputError, match=r"2 cameras \(left, right\)"):
         one_camera(written(tmp_path, example))

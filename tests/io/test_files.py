@@ -18,7 +18,7 @@ linux = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named
 @linux
 def test_a_named_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match="pipe is a named pipe: give a regular file in its place"):
+    with pytest.raises(InputError, match="pipe is a named pipe"):
         read_bytes(tmp_path / "pipe")
 
 
@@ -28,7 +28,7 @@ def test_devices_sockets_and_folders_are_refused(tmp_path: Path, monkeypatch: py
     with socket.socket(socket.AF_UNIX) as made:
         made.bind("socket")
         for path, kind in (("/dev/zero", "a device"), ("socket", "a socket"), (".", "a folder")):
-            with pytest.raises(InputError, match=f"is {kind}: give a regular file"):
+            with pytest.raises(InputError, match=f"is {kind}:"):
                 read_bytes(Path(path))
 
 
@@ -41,14 +41,14 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
 
 def test_a_link_to_nothing_is_refused_instead_of_ignored(tmp_path: Path) -> None:
     (tmp_path / "times.txt").symlink_to("gone.txt")
-    with pytest.raises(InputError, match=r"times.txt is a link to gone.txt, which is missing"):
+    with pytest.raises(InputError, match=r"times.txt is a link to gone.txt"):
         exists(tmp_path / "times.txt")
 
 
 def test_a_folder_that_cannot_be_read_is_not_called_empty(tmp_path: Path) -> None:
     (tmp_path / "loop").symlink_to("loop")
     for look in (exists, names):
-        with pytest.raises(InputError, match=r"loop cannot be read \(.+\): check the path and its permissions"):
+        with pytest.raises(InputError, match=r"loop cannot be read \(.+\)"):
             look(tmp_path / "loop")
 
 
@@ -78,7 +78,7 @@ def test_nothing_outside_of_the_bounds_is_opened_links_followed(tmp_path: Path) 
         assert read_bytes(inner / "own.txt") == b"own"
         for path in (secret, inner / "link.txt", inner / ".." / "secret.txt"):
             assert not exists(path)
-            with pytest.raises(InputError, match="outside of the folder"):
+            with pytest.raises(InputError, match="outside"):
                 read_bytes(path)
     with bounded((inner, secret)):
         assert read_bytes(inner / "link.txt") == b"secret"

@@ -97,5 +97,5 @@ def test_a_long_file_is_not_parsed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
 def test_other_encodings_are_named(encoding: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_bytes("name: Rüfüs\n".encode(encoding))
-    with pytest.raises(InputError, match="line 1: it is not a text file in UTF-8"):
+    with pytest.raises(InputError, match=r"line 1: .*UTF-8"):
         read_mapping(tmp_path / "a.yaml")

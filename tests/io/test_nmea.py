@@ -58,8 +58,8 @@ def test_midnight_and_damage(tmp_path: Path) -> None:
     times, fixes = read_gga(path)
     assert (len(fixes), times[1] - times[0], times[1] > DAY_NS) == (2, 2 * 10**9, True)
     path.write_text("\n".join([*good, sentence("000001.00", 49, 8, 100).replace("*", "1*")]))
-    with pytest.raises(InputError, match=r"line 4: the GGA sentence is damaged .its checksum"):
+    with pytest.raises(InputError, match=r"line 4: .*GGA.*checksum"):
         read_gga(path)
     path.write_text("$GPRMC,1\n")
-    with pytest.raises(InputError, match="no GGA sentence with a fix"):
+    with pytest.raises(InputError, match="no GGA"):
         read_gga(path)

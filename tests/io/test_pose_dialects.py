@@ -103,7 +103,7 @@ def test_the_number_of_an_image_finds_its_time(tmp_path: Path) -> None:
     path = written(tmp_path, "poses.txt", lines(POSES, lambda i, p: [2 * i, *flat(p)]))
     found = read_trajectory(path, np.arange(9) * 7)
     assert found.timed and found.trajectory.times_ns.tolist() == [0, 14, 28, 42, 56]
-    with pytest.raises(InputError, match="image 8 is none of the 8"):
+    with pytest.raises(InputError, match="image 8 "):
         read_trajectory(path, np.arange(8) * 7)
 
 

@@ -106,7 +106,7 @@ def test_positions_in_millimetres(tmp_path: Path) -> None:
 def test_a_header_that_names_no_quaternion_is_refused(header: str, tmp_path: Path) -> None:
     text = table(header, "t x y z qx qy qz qw", list(map(str, TIMES_NS)), ";" if ";" in header else ",")
     (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(InputError, match="line 1 does not name the columns of poses"):
+    with pytest.raises(InputError, match="line 1"):
         read_trajectory(tmp_path / "a.csv")
 
 

@@ -92,7 +92,7 @@ def test_a_camera_of_any_format_is_read(tmp_path: Path, form: str) -> None:
 def test_several_cameras_without_poses_are_refused(tmp_path: Path) -> None:
     for name, text in rig_files(RIG, "ros").items():
         (tmp_path / name).write_text(text)
-    with pytest.raises(InputError, match="3 cameras without their poses"):
+    with pytest.raises(InputError, match="3 cameras"):
         one_rig((tmp_path,))[0]
 
 
@@ -100,7 +100,7 @@ def test_what_is_no_calibration_is_refused(tmp_path: Path, capsys: pytest.Captur
     path = tmp_path / "x.yaml"
     path.write_text("a: 1\n")
     assert main(["calibrate", "convert", str(path), "--out", str(tmp_path / "o.yaml")]) == 2
-    assert "is no calibration that is known" in capsys.readouterr().err
+    assert "no calibration" in capsys.readouterr().err
     assert main(["calibrate", "convert", str(path)]) == 2
     assert "--out is missing" in capsys.readouterr().err
 

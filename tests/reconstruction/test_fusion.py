@@ -63,13 +63,13 @@ def test_a_smaller_mesh_is_the_same_surface() -> None:
 
 def test_a_place_too_large_for_its_voxels_is_a_sentence() -> None:
     fusion = Fusion(FusionSettings(0.01, max_gb=0.001))
-    with pytest.raises(InputError, match=r"give a larger --voxel-m, such as 0\.015"):
+    with pytest.raises(InputError, match=r"--voxel-m, such as 0\.015"):
         for _ in range(2):
             fusion.add(np.full((120, 160), 2, np.float32), np.zeros((120, 160), np.uint8), CAMERA, Pose(), 10.0)
 
 
 def test_nothing_seen_is_a_sentence() -> None:
-    with pytest.raises(InputError, match="no surface was seen"):
+    with pytest.raises(InputError, match="no surface"):
         Fusion(FusionSettings(0.05)).mesh()
 
 

@@ -76,7 +76,7 @@ def test_a_recording_is_shaped_by_the_options(installed: None, tmp_path: Path) -
     (tmp_path / "mark").write_text("")
     found = open_sequence(str(tmp_path), stereo_every=2)
     assert (found.kinds.count("video"), found.kinds.count("stereo")) == (5, 3)
-    with pytest.raises(InputError, match="has its own calibration"):
+    with pytest.raises(InputError, match="own calibration"):
         open_sequence(str(tmp_path), camera=tmp_path / "camera.yaml")
 
 
@@ -86,7 +86,7 @@ def test_files_are_recognised_by_suffix_and_content(installed: None, tmp_path: P
     (tmp_path / "b.log").write_text("another")
     assert recognised(tmp_path / "a.log") and not recognised(tmp_path / "b.log")
     assert open_sequence(str(tmp_path / "a.log")).name == "double"
-    with pytest.raises(InputError, match="is a file of no known kind"):
+    with pytest.raises(InputError, match=r"b\.log is a file"):
         open_sequence(str(tmp_path / "b.log"))
 
 

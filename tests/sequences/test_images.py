@@ -103,7 +103,7 @@ def test_decoders_write_nothing_to_standard_error(capfd: pytest.CaptureFixture[s
     tiff = bytearray(cv2.imencode(".tiff", np.zeros((64, 96), np.uint8))[1].tobytes())
     tiff[-60:] = b"\x07" * 60
     for content in (spoilt, bytes(tiff), b"", b"x"):
-        with pytest.raises(UnreadableImage, match="a is not a whole image"):
+        with pytest.raises(UnreadableImage, match=r"^a is not"):
             decode(content, "a")
     assert capfd.readouterr().err == ""
 

@@ -28,7 +28,7 @@ def test_paths_outside_of_the_root_are_refused_whether_they_exist_or_not(tmp_pat
     (tmp_path / "data" / "link").symlink_to(make_euroc(tmp_path / "other"))
     assert len(open_sequence(str(tmp_path / "data" / "V9"), policy=policy))
     for path in ("other/V9", "other/nowhere", "data/../other", "data/link", "data/link/mav0"):
-        with pytest.raises(InputError, match=r"is outside of .*data: give a path inside"):
+        with pytest.raises(InputError, match=r"outside of .*data"):
             open_sequence(str(tmp_path / path), policy=policy)
 
 
@@ -47,7 +47,7 @@ def test_images_read_later_are_bounded_too(tmp_path: Path) -> None:
     (folder / "5.png").symlink_to(tmp_path / "5.png")
     sequence = open_sequence(str(folder), policy=SourcePolicy(tmp_path / "data"))
     assert sequence[4] is not None
-    with pytest.raises(InputError, match="outside of the folder"):
+    with pytest.raises(InputError, match="outside"):
         sequence[5]
 
 
@@ -68,7 +68,7 @@ def test_files_that_the_words_of_a_simulation_name_are_bounded_too(
     monkeypatch.chdir(data)
     for source in (f"sim:tiny?{words.format(outside)}", "walk.yaml"):
         (data / "walk.yaml").write_text(f"scene: tiny\nroute: {outside}/walk.tum\n")
-        with pytest.raises(InputError, match="outside of the folder") as caught:
+        with pytest.raises(InputError, match="outside") as caught:
             open_sequence(source, policy=SourcePolicy(data))
         assert "secret of" not in str(caught.value)
     assert len(open_sequence("sim:tiny?route=walk.tum", policy=SourcePolicy(data)))

@@ -137,7 +137,7 @@ def test_times_beside_images_are_used(tmp_path: Path) -> None:
     (folder / "timestamps.txt").write_text("\n".join(map(str, TIMES_NS)))
     assert open_sequence(str(folder)).times_ns.tolist() == TIMES_NS
     (folder / "timestamps.txt").write_text("\n".join(map(str, TIMES_NS[:4])))
-    with pytest.raises(InputError, match=r"timestamps.txt has 4 times for 6 images"):
+    with pytest.raises(InputError, match=r"4 times for 6 images"):
         open_sequence(str(folder))
 
 
@@ -221,7 +221,7 @@ def test_chapters_of_one_film_are_named_with_the_line_that_joins_them(tmp_path: 
         folder = tmp_path / names[0][:2]
         for name in reversed(names):
             write_video(folder / name, images(3, 0))
-        with pytest.raises(InputError, match="2 chapters of one film") as caught:
+        with pytest.raises(InputError, match="2 chapters") as caught:
             open_sequence(str(folder))
         assert str(caught.value).index(names[0]) < str(caught.value).index(names[1])
 

@@ -124,8 +124,8 @@ def test_the_judge_sees_inverse_poses_in_the_recording_that_is_open(tmp_path: Pa
         assert (await agent.ask("judge", poses="right.tum", frame="rig"))["verdict"] == "agrees"
         assert "seconds" in await agent.refusal("judge", poses="right.tum", seconds=1e-6)
         assert await agent.refusal("judge", poses="right.tum", seconds=1e6)
-        assert "may not be read" in await agent.refusal("judge", poses="/etc/passwd")
-        assert "may not be read" in await agent.refusal("judge", poses="right.tum", times="/etc/passwd")
+        assert "not be read" in await agent.refusal("judge", poses="/etc/passwd")
+        assert "not be read" in await agent.refusal("judge", poses="right.tum", times="/etc/passwd")
 
     with agent_session(options, helpers.build) as agents:
         asked(agents, script)

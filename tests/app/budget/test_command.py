@@ -22,6 +22,7 @@ from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 from tests import doubles
+from tests.app.helpers import ran
 from tests.app.written import breaks_schema
 
 FOUND = Budget(
@@ -73,7 +74,7 @@ def test_a_run_without_truth_or_of_another_method_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
-    assert main(["run", "sim:tiny?duration_s=1", "--methods", "stereo", "--no-recording", "--out", str(out)]) == 0
+    ran("sim:tiny?duration_s=1", out, "--methods", "stereo", "--no-recording")
     assert main(["budget", str(out), "--methods", "monocular"]) == 2
     assert "no method 'monocular'" in capsys.readouterr().err
 

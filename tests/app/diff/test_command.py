@@ -18,6 +18,7 @@ from ispom_app.engine.run_folder.run_folder import DECISIONS, MARKER
 from ispom.sequences import open_sequence
 from ispom.types import Trajectory, is_video
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.rounds import FRAME_NS, SCENARIOS, world_from_rig
 from tests.sequences.kitti_folder import make_drive
 from tests.sequences.own_folders import write_sequence
@@ -55,8 +56,7 @@ def run(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Runner:
     def made(*options: str, source: Path = frames) -> Path:
         out = tmp_path_factory.mktemp("run") / "out"
         chosen = ["--methods", "monocular.paper", "--no-recording", *options]
-        assert main(["run", str(source), "--out", str(out), *chosen]) == 0
-        return out
+        return ran(source, out, *chosen)
 
     return made
 
@@ -143,7 +143,7 @@ def test_one_pixel_of_a_right_image_is_found(tmp_path: Path, capsys: pytest.Capt
     flight = write_sequence(tmp_path / "flight", replace(made, truth=truth))
     outs = [tmp_path / "a", tmp_path / "b"]
     for out in outs:
-        assert main(["run", str(flight), "--methods", "stereo", "--no-recording", "--out", str(out)]) == 0
+        ran(flight, out, "--methods", "stereo", "--no-recording")
         right = cv2.imread(str(flight / "right" / "2.png"), cv2.IMREAD_UNCHANGED)
         row, column = corner(right)
         right[row, column] = 255 - right[row, column]
@@ -164,7 +164,7 @@ def test_another_seed_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
     outs = [tmp_path / "a", tmp_path / "b"]
     for seed, out in enumerate(outs):
         options = ["--methods", "monocular.paper", "--no-recording", "--until", "exposure == 2", "--seed", str(seed)]
-        assert main(["run", "sim:tiny", "--out", str(out), *options]) == 0
+        ran("sim:tiny", out, *options)
     report = json.loads(compared(capsys, 1, *outs, "--json"))
     assert {"name": "seed", "a": 0, "b": 1} in report["settings"] and report["first"][0]["exposure"] == 0
 
@@ -200,7 +200,7 @@ def test_an_incomplete_run_is_reported_as_incomplete(
     other = tmp_path / "other"
     shutil.copytree(first, other)
     (other / MARKER).write_text("Stopped.\n")
-    assert "is not complete: what there is of it is compared\n" in compared(capsys, 0, first, other)
+    assert "is not complete" in compared(capsys, 0, first, other)
 
 
 @pytest.mark.parametrize("option", [("--tolerance", "-1"), ("--tolerance", "nan"), ("--count", "0")])
@@ -215,4 +215,4 @@ def test_a_folder_that_holds_no_run_is_refused(first: Path, tmp_path: Path, caps
     drive = make_drive(tmp_path / "drive")
     options = ["--out", str(tmp_path / "o"), "--methods", "stereo.paper", "--no-recording"]
     assert main(["run", str(drive), *options], helpers.build) == 0
-    assert "no method in common" in compared(capsys, 2, first, tmp_path / "o")
+    assert "in common" in compared(capsys, 2, first, tmp_path / "o")

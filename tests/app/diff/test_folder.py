@@ -14,15 +14,14 @@ from ispom_app.features.diff.command import run_rows
 
 from ispom.errors import InputError
 from tests import doubles
+from tests.app.helpers import build_full
 
 METHODS = ("monocular", "stereo", "integrated")
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    playback = Playback(
-        doubles.sequence(40), METHODS, builder=lambda c, m, r: doubles.ensemble(m, doubles.FullEstimator)
-    )
+    playback = Playback(doubles.sequence(40), METHODS, builder=build_full)
     with StepLog(RunFolder(tmp_path)) as log:
         while not playback.done:
             log.add(playback.step())
@@ -30,9 +29,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_folder_gives_what_was_in_memory(folder: Path) -> None:
-    playback = Playback(
-        doubles.sequence(40), METHODS, builder=lambda c, m, r: doubles.ensemble(m, doubles.FullEstimator)
-    )
+    playback = Playback(doubles.sequence(40), METHODS, builder=build_full)
     expected = []
     while not playback.done:
         event = playback.step()

@@ -15,6 +15,7 @@ from ispom.evaluation.comparison import compare
 from ispom.io.poses.dialect import TrajectoryFile
 from ispom.io.trajectories import tum_text
 from ispom.types import Trajectory
+from tests.app.helpers import ran
 from tests.evaluation.audit.made_paths import noisy, path
 
 
@@ -73,7 +74,7 @@ def test_quantities_along_a_path(tmp_path: Path) -> None:
 def test_a_path_is_coloured_by_a_number_of_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     run, plots = tmp_path / "run", tmp_path / "plots"
-    assert main(["run", "sim:tiny", "--max-exposures", "40", "--methods", "stereo", "--out", str(run)]) == 0
+    ran("sim:tiny", run, "--max-exposures", "40", "--methods", "stereo")
     arguments = ["evaluate", str(run / "truth.tum"), str(run / "stereo.tum"), "--no-audit", "--plot-format", "svg"]
     for name in ("inliers", "speed"):
         assert main([*arguments, "--plots", str(plots), "--colour-by", name]) == 0

@@ -48,7 +48,7 @@ def test_a_run_that_takes_too_much_memory_is_a_row_that_says_so(tmp_path: Path) 
 
 def test_workers_that_do_not_start_end_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cluster, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
-    with pytest.raises(InputError, match=r"the workers do not live: one ended with exit code 1 \(no such module\)"):
+    with pytest.raises(InputError, match=r"exit code 1 \(no such module\)"):
         rows(tmp_path, made.quick, count=1, seeds=(0,))
 
 
@@ -62,7 +62,7 @@ def test_a_worker_that_ends_before_its_task_arrives_counts_as_dead(
 
     monkeypatch.setattr(cluster, "Child", Ended)
     monkeypatch.setattr(cluster, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
-    with pytest.raises(InputError, match="the workers do not live: one ended with exit code 1"):
+    with pytest.raises(InputError, match="exit code 1"):
         rows(tmp_path, made.quick, count=1, seeds=(0,))
 
 
@@ -79,14 +79,14 @@ def test_there_are_no_pages_of_dask(tmp_path: Path) -> None:
 def test_no_cluster_at_an_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cluster, "ANSWER_S", 0.5)
     plan = made.plan()
-    with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9 does not answer"):
+    with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9"):
         list(cluster.parallel(plan, list(plan.runs()), tmp_path, False, 1, 1.0, "tcp://127.0.0.1:9", execute, Row))
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cluster, "installed", lambda: False)
     plan = made.plan()
-    with pytest.raises(InputError, match="need Dask: pip install"):
+    with pytest.raises(InputError, match="Dask: pip install"):
         list(cluster.parallel(plan, list(plan.runs()), tmp_path, False, 1, 1.0, None, execute, Row))
 
 

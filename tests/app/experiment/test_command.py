@@ -103,7 +103,7 @@ def test_a_source_that_is_not_there_is_a_row(plan: Path, tmp_path: Path) -> None
     there = yaml.safe_load(plan.read_text())["sources"][0]
     assert run(plan, tmp_path / "out", "--sources", "no/such", there) == 0
     failures = [r["failure"] for r in rows(tmp_path / "out")]
-    assert [bool(f) for f in failures] == [True, True, False, False] and "no/such does not exist" in failures[0]
+    assert [bool(f) for f in failures] == [True, True, False, False] and "no/such" in failures[0]
 
 
 def test_interrupted_it_can_be_resumed(plan: Path, tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_folder_of_other_settings_is_refused(plan: Path, tmp_path: Path, capsy
     assert run(plan, out) == 0
     plan.write_text(plan.read_text().replace("400", "300"))
     assert run(plan, out) == 2
-    assert "holds a run with another config: give a new --out" in capsys.readouterr().err
+    assert "another config" in capsys.readouterr().err
 
 
 def test_the_folder_of_something_else_is_left_alone(plan: Path, tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_what_is_missing_is_said_before_the_first_run(
         return helpers.build(config, methods, rig)
 
     assert run(plan, tmp_path / "out", "--sources", content["sources"][0], "no/such", builder=build) == 0
-    assert "F: fused needs gtsam" in said[0] and "no/such does not exist" in said[0]
+    assert "F: fused needs gtsam" in said[0] and "no/such" in said[0]
     verdicts = json.loads((tmp_path / "out" / "summary.json").read_text())["statements"]
     assert [v["verdict"] for v in verdicts] == ["could not be tested"]
 
@@ -172,7 +172,8 @@ def test_a_folder_has_one_experiment_at_a_time(plan: Path, tmp_path: Path, capsy
         return helpers.build(config, methods, rig)
 
     assert run(plan, out, builder=build) == 0
-    assert codes == [2, 2] and f"{out} is being written by another" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert codes == [2, 2] and str(out) in err and "by another" in err
     assert [r["failure"] for r in rows(out)] == ["", ""]
 
 
@@ -181,7 +182,7 @@ def test_a_part_that_is_computed_is_waited_for(plan: Path, tmp_path: Path, capsy
     assert run(plan, out, "--shard", "1/2") == 0
     with locked(out / "shards" / "1-of-2.json"):
         assert run(plan, out, "--shard", "1/2") == 2 and run(plan, out) == 2
-        assert "shard 1-of-2 is being computed" in capsys.readouterr().err
+        assert "shard 1-of-2" in capsys.readouterr().err
     assert run(plan, out) == 0
 
 

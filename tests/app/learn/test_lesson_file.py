@@ -118,7 +118,7 @@ def test_a_file_of_ones_own_comes_first(tmp_path):
     path.write_text(LESSON)
     own = own_lesson(str(path))
     assert own is not None and Library(own).lessons[0].name == "mine" and Library(own).lesson("mine") is own
-    with pytest.raises(InputError, match="there is no lesson 'none': choose from mine, scale"):
+    with pytest.raises(InputError, match="'none': choose from mine, scale"):
         Library(own).lesson("none")
 
 

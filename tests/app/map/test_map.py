@@ -22,6 +22,7 @@ from ispom.io.timed_points import read_timed_points
 from ispom.reconstruction.model import Surface
 from ispom.simulation.motions import Flight
 from ispom.simulation.places.city import build_city
+from tests.app.helpers import ran
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     except InputError as error:
         pytest.skip(str(error))
     out = tmp_path_factory.mktemp("map") / "run"
-    assert main(["run", "sim:tiny", "--methods", "stereo", "integrated", "--out", str(out)]) == 0
+    ran("sim:tiny", out, "--methods", "stereo", "integrated")
     assert main(["map", str(out), "--laser", "sim"]) == 0
     return out
 

@@ -17,11 +17,8 @@ from ispom_app.session.setup import SessionSetup
 from ispom_app.session.sources.folders import Folders
 from ispom_app.views.web.server import Serving, serve
 
-from ispom.ensemble import Ensemble
-from ispom.methods import Config
 from ispom.sequences import open_sequence
-from ispom.types import Rig, Sequence
-from tests import doubles
+from ispom.types import Sequence
 from tests.app import helpers
 
 DOUBLE, SLOW, LOSSY = "double:40", "slow:", "lossy"
@@ -36,14 +33,10 @@ def opener(source: str, options: SourceOptions | None = None) -> Sequence:
     return helpers.opener(source) if source.startswith("double:") else open_sequence(source)
 
 
-def losing(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
 if __name__ == "__main__":
     folder, port, source = Path(sys.argv[1]), int(sys.argv[2]), (sys.argv[3:] or [DOUBLE])[0]
     folders = Folders(Path(source).parent if source not in (DOUBLE, LOSSY) else None)
-    builder = losing if source == LOSSY else helpers.build
+    builder = helpers.build_full if source == LOSSY else helpers.build
     sys.exit(
         serve(
             lambda live: Session(SessionSetup(opener, source, folder, builder=builder, folders=folders), live),

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from urllib.parse import parse_qsl
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, NOT_NEW, App, Page, app, browser, expect  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, FAKE, NOT_NEW, App, Page, app, browser, expect, page_at  # noqa: F401 - fixtures
 
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        yield opened
 
 
 def address(page: Page) -> dict[str, str]:
@@ -153,7 +148,7 @@ def test_an_unknown_run_is_reported_and_never_a_path(page: Page) -> None:
         count = page.tab.evaluate("window.ispom.state.notices.at(-1)?.number ?? 0")
         page.tab.evaluate(f"location.hash = '#run={run}&at=3'")
         page.until(f"(state.notices.at(-1)?.number ?? 0) > {count}", "the notice")
-        assert "there is no run called" in page.state["notices"][-1]["text"]
+        assert "no run called" in page.state["notices"][-1]["text"]
         page.until("location.hash === '#run=double:40&at=9'", "the address of what is shown")
 
 

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, tiny  # noqa: F401 - fixtures
+from tests.app.page.test_browser import AT_ONCE, CHROMIUM, App, Page, browser, page_at, tiny  # noqa: F401 - fixtures
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium"),
 ]
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 AT = 12
 """The second stereo frame."""
 
 
 @pytest.fixture(scope="module")
 def page(browser, tiny: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, tiny.url, viewer=FAKE)
-    opened.send(f"{{do: 'seek', index: {AT}}}")
-    opened.until(f"state.index === {AT}", "the frame")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, tiny, AT_ONCE) as opened:
+        opened.send(f"{{do: 'seek', index: {AT}}}")
+        opened.until(f"state.index === {AT}", "the frame")
+        yield opened
 
 
 def test_a_click_on_a_row_shows_its_tracks(page: Page):

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -52,6 +53,9 @@ expect.set_options(timeout=PATIENCE_MS)
 NOT_NEW = "localStorage.setItem('ispom.captions', 'seen')"
 """As in a browser that was here before."""
 TOTAL = 44
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+"""In place of the Rerun viewer, which takes seconds of processor time."""
+ENDED, AT_ONCE = "state.ended && !state.playing", "true"
 
 
 @dataclass
@@ -185,6 +189,16 @@ class Page:
         """What features say of the frame, in the tab that is open then."""
         self.open_tab("Explain")
         return self.tab.locator("#tab-Explain")
+
+
+@contextmanager
+def page_at(browser, app: App, condition: str = ENDED) -> Iterator[Page]:
+    """A page without the Rerun viewer once a condition holds; nothing may be wrong in its console in the end."""
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.until(condition, condition)
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
 
 
 @pytest.fixture(scope="module")

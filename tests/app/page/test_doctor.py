@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from tests.app.page.serve_double import LOSSY
-from tests.app.page.test_browser import CHROMIUM, TOTAL, App, Page, browser, serving  # noqa: F401 - a fixture
+from tests.app.page.test_browser import CHROMIUM, TOTAL, App, Page, browser, page_at, serving  # noqa: F401 - a fixture
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 LOST = 24
 """Where the monocular stand-in is lost."""
 PATIENCE_MS = 120_000
 """An examination may take a minute, and begins nothing new after that."""
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +23,10 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until(f"state.computed === {TOTAL}", "the end")
-    opened.send("{do: 'seek', index: window.ispom.state.total - 1}")
-    opened.until("state.index === state.total - 1 && !state.playing", "the last frame")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app, f"state.computed === {TOTAL}") as opened:
+        opened.send("{do: 'seek', index: window.ispom.state.total - 1}")
+        opened.until("state.index === state.total - 1 && !state.playing", "the last frame")
+        yield opened
 
 
 def test_why_below_an_event_examines_that_event(page: Page) -> None:

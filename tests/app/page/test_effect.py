@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, tiny  # noqa: F401 - fixtures
+from tests.app.page.test_browser import AT_ONCE, CHROMIUM, App, Page, browser, page_at, tiny  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 
 
 @pytest.fixture(scope="module")
 def page(browser, tiny: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, tiny.url, viewer=FAKE)
-    opened.send("{do: 'seek', index: state.total - 1}".replace("state.", "window.ispom.state."))
-    opened.until("state.ended", "the end")
-    opened.controls.get_by_role("tab", name="Branches", exact=True).click()
-    opened.controls.get_by_text("Calibration error", exact=True).click()
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, tiny, AT_ONCE) as opened:
+        opened.send("{do: 'seek', index: state.total - 1}".replace("state.", "window.ispom.state."))
+        opened.until("state.ended", "the end")
+        opened.controls.get_by_role("tab", name="Branches", exact=True).click()
+        opened.controls.get_by_text("Calibration error", exact=True).click()
+        yield opened
 
 
 def number(page: Page, label: str):

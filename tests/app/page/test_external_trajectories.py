@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from ispom_app.presentation import colours
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, expect, serving  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, expect, page_at, serving  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 PAPER = "integrated.paper"
 
 
@@ -23,11 +21,8 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        yield opened
 
 
 def tab(page: Page, name: str) -> None:

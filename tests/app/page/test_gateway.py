@@ -26,6 +26,7 @@ from ispom_app.views.web.messages import Pane, Ready, command_of, message_of
 from ispom_app.views.web.rerun_assets import ViewerFiles, viewer_files
 from ispom_app.views.web.tape_reader import HEAD
 
+from tests.app.gui import has_pages
 from tests.app.helpers import wait_for
 from tests.app.page.served import Served, serving
 
@@ -35,7 +36,7 @@ def panels() -> Iterator[PortlessViser]:
     rich.get_console().quiet = True
     found = PortlessViser("test")
     yield found
-    wait_for(lambda: not found.server._websock_server._live_connections, "viser to part from its pages")
+    wait_for(lambda: not has_pages(found.server), "viser to part from its pages")
     found.server.stop()
 
 

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - fixtures
-from tests.app.page.test_in_the_page import FAKE
+from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, browser, launched  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 IMAGE = "<img src=x onerror=top.hit=1>"

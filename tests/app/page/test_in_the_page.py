@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, apart, app, browser, expect  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, FAKE, PATIENCE_MS, App, Page, apart, app, browser, expect, page_at  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        yield opened
 
 
 def test_the_arrows_in_a_field_move_nothing_else(page: Page):

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 from ispom_app.session.actions import actions
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, ENDED, App, Page, app, browser, expect, page_at  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 FROM = 20
 CONSEQUENCES = {
     "play": "state.playing || state.index > 21",  # by more than a step
@@ -37,11 +36,8 @@ BUTTONS = ("back", "forward", "start", "end", "loop_start", "loop_end", "no_loop
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing && window.ispom.viewer.handle", "the end, and the viewer")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app, f"{ENDED} && window.ispom.viewer.handle") as opened:
+        yield opened
 
 
 def begin(page: Page, name: str) -> None:

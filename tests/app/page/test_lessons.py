@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from ispom_app.features.lessons.library import built_in
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, serving  # noqa: F401 - a fixture
+from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, browser, serving  # noqa: F401 - a fixture
 
 NAMES = [lesson.name for lesson in built_in()]
 ALWAYS = ("stereo",)
 """They have every kind of question."""
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 TEXT = """() => {
   const copy = document.documentElement.cloneNode(true);
   for (const other of copy.querySelectorAll("script, style, svg")) other.remove();

@@ -6,21 +6,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
-from tests.app.page.test_in_the_page import FAKE
+from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, app, browser, expect, page_at  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    opened.controls.get_by_role("tab", name="Tracks").click()
-    opened.controls.locator("svg[data-pick]").wait_for()
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        opened.controls.get_by_role("tab", name="Tracks").click()
+        opened.controls.locator("svg[data-pick]").wait_for()
+        yield opened
 
 
 def choose(page: Page, now: str, wanted: str) -> None:

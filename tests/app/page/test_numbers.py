@@ -18,21 +18,13 @@ from ispom.io.rig import read_rig
 from ispom.types import Corrections, LensCorrection
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
-
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
-
-
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
+from tests.app.helpers import build_full, run_to_end
+from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, app, browser  # noqa: F401 - fixtures
 
 
 @pytest.fixture
 def run() -> CurrentRun:
-    found = CurrentRun(Playback(doubles.sequence(20), METHODS, builder=build), 10**8)
-    while not found.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(20), METHODS, builder=build_full))
 
 
 def test_the_numbers_over_time_are_the_quantities_to_the_last_bit(run: CurrentRun) -> None:

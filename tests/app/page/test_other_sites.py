@@ -78,7 +78,7 @@ def test_another_sites_page_gets_nothing_with_the_cookie_in_its_browser(browser,
 def test_a_browser_without_the_token_learns_where_to_find_it(browser, app: App):  # noqa: F811
     page = browser.new_page()
     page.goto(app.url.partition("?")[0])
-    assert "Open the address that ISPOM printed" in page.inner_text("body")
+    assert "ISPOM printed" in page.inner_text("body")
     page.close()
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from ispom_app.engine.playback import Playback
@@ -16,21 +15,16 @@ from ispom_app.session.state import State
 
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
+from tests.app.helpers import build_full, with_values
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect, page_at  # noqa: F401 - fixtures
 
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 NAME = "monocular.parallax"
 STATE = State("double:40").having(Plots((NAME, "inliers")))
 
 
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
 @pytest.fixture
 def run() -> CurrentRun:
-    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build), 10**8)
+    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build_full), 10**8)
 
 
 def curves_of(parts: list[dict | None]) -> dict[str, list[tuple[int, float | None]]]:
@@ -84,7 +78,7 @@ def test_long_curves_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyP
 
 def test_another_run_begins_again(run: CurrentRun) -> None:
     run.step()
-    other = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build), 10**8)
+    other = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build_full), 10**8)
     other.step()
     news = PlotNews()
     assert news.since(STATE, run) == news.since(STATE, other)
@@ -99,12 +93,9 @@ def test_what_the_run_does_not_have_is_not_plotted(run: CurrentRun) -> None:
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    go_to(opened, 20)
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        go_to(opened, 20)
+        yield opened
 
 
 in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")

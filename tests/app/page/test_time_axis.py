@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from ispom_app.engine.conditions.parser import parse
@@ -18,19 +17,13 @@ from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
-
-FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
-
-
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
+from tests.app.helpers import build_full, with_values
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect, page_at  # noqa: F401 - fixtures
 
 
 @pytest.fixture
 def run() -> CurrentRun:
-    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build), 10**8)
+    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build_full), 10**8)
 
 
 def told(parts: list[dict]) -> list[tuple[list[int], list[list[int]]]]:
@@ -94,11 +87,8 @@ def test_starts_of_branches_are_sent_only_when_they_change(run: CurrentRun) -> N
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        yield opened
 
 
 in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")

@@ -15,6 +15,7 @@ import viser
 from aiohttp import WSCloseCode, WSMsgType
 from ispom_app.views.viser.portless import PortlessViser
 
+from tests.app.gui import uuid_of
 from tests.app.page.served import COOKIE, Served, serving
 
 UNREADABLE: list[Any] = [
@@ -70,7 +71,7 @@ def test_values_of_a_wrong_kind_are_one_line(
     tmp_path: Path, panels: PortlessViser, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
     slider = panels.server.gui.add_slider("a", 0, 10, 1, 5)
-    uuid = slider._impl.uuid
+    uuid = uuid_of(slider)
     wrong: list[Any] = [
         {"type": "GuiUpdateMessage", "uuid": [], "updates": {}},
         {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": "abc"}},

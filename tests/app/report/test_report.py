@@ -16,6 +16,7 @@ from ispom_app.cli.main import main
 from ispom_app.engine.run_folder.run_folder import MARKER
 
 from tests.app import helpers
+from tests.app.helpers import ran
 from tests.sequences.kitti_folder import make_drive
 
 ATTACK = "</script><script>alert(1)</script><img src=http://example.org/x>"
@@ -53,8 +54,7 @@ class Parsed(HTMLParser):
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of stand-ins, with a recording."""
     folder = tmp_path_factory.mktemp("made")
-    assert main(["run", str(make_drive(folder / "kitti")), "--out", str(folder / "run")], helpers.build) == 0
-    return folder / "run"
+    return ran(make_drive(folder / "kitti"), folder / "run", builder=helpers.build)
 
 
 @pytest.fixture
@@ -108,7 +108,7 @@ def test_without_a_run_the_newest_is_suggested(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["report"]) == 2
-    assert "no run was given" in capsys.readouterr().err
+    assert "no run" in capsys.readouterr().err
     for age_s, name in enumerate(("new", "old")):
         shutil.copytree(run, tmp_path / "recordings" / name)
         os.utime(tmp_path / "recordings" / name / "run.yaml", (1e9 - age_s, 1e9 - age_s))
@@ -135,7 +135,7 @@ def test_a_folder_of_an_older_version_is_reported_as_far_as_it_goes(run: Path, t
     for name in ("steps.csv", "decisions.csv", "run.rrd", "truth.tum"):
         (run / name).unlink()
     words = Parsed(report(tmp_path / "report.html", run)).words
-    assert "steps.csv is not in this folder" in words and "There is no ground truth to compare with" in words
+    assert "steps.csv is not" in words and "no ground truth" in words
 
 
 def test_images_are_read_again_without_a_recording(run: Path, tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_only_a_page_is_overwritten(run: Path, tmp_path: Path, out: str, capsys:
 def test_a_page_of_somebody_else_stays(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "report.html").write_text("<!DOCTYPE html><title>Mine</title>")
     assert main(["report", str(run), "--out", str(tmp_path / "report.html")]) == 2
-    assert "is no earlier output" in capsys.readouterr().err
+    assert "earlier output" in capsys.readouterr().err
     assert "Mine" in (tmp_path / "report.html").read_text()
     (tmp_path / "report.html").unlink()
     assert report(tmp_path / "report.html", run) == report(tmp_path / "report.html", run)

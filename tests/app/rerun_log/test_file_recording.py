@@ -16,7 +16,6 @@ from types import SimpleNamespace
 import pytest
 import rerun as rr
 from ispom_app.engine.events import blank
-from ispom_app.engine.playback import Playback
 from ispom_app.views.rerun import file_recording, piped_file
 from ispom_app.views.rerun.piped_file import PipedFile
 from ispom_app.views.rerun.rrd import is_finished, whole_bytes
@@ -24,17 +23,9 @@ from ispom_app.views.rerun.rrd import is_finished, whole_bytes
 from ispom.errors import InputError
 from ispom.io import whole
 from ispom.io.whole import part_of
-from tests import doubles
-from tests.alone import METHODS
-from tests.app import helpers
 from tests.app.recorded import entities_in, exposures_in
 
 rr.set_strict_mode(True)
-
-
-@pytest.fixture
-def run() -> Playback:
-    return Playback(doubles.sequence(), METHODS, builder=helpers.build)
 
 
 def rerun(*arguments: str) -> subprocess.CompletedProcess:
@@ -133,7 +124,7 @@ def test_without_pipes_as_on_windows_the_file_is_whole_and_has_its_name(run, tmp
 def test_two_writers_never_share_a_recording(run, tmp_path):
     with (
         file_recording.FileRecording(tmp_path / "run.rrd", run.opened),
-        pytest.raises(InputError, match="is being written by another run"),
+        pytest.raises(InputError, match="by another run"),
     ):
         file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
 
@@ -191,7 +182,7 @@ def test_a_disk_that_does_not_answer_is_waited_for_no_longer_than_requested(run,
     file.write(run.step())
     file.close(lambda: True)
     answer.set()
-    assert file.failure is not None and "the disk does not answer" in file.failure
+    assert file.failure is not None and "not answer" in file.failure
 
 
 def test_a_recording_leaves_room_for_the_results(run, tmp_path, monkeypatch):
@@ -201,7 +192,7 @@ def test_a_recording_leaves_room_for_the_results(run, tmp_path, monkeypatch):
     monkeypatch.setattr(file_recording.shutil, "disk_usage", lambda _: SimpleNamespace(free=10_000_000))
     for _ in range(file_recording.FLUSH_EVERY):
         file.write(run.step())
-    assert file.failure is not None and "run.rrd" in file.failure and "the disk is full" in file.failure
+    assert file.failure is not None and "run.rrd" in file.failure and "disk is full" in file.failure
     file.write(run.step())
     file.close()
     assert is_finished(file.path) and "/video/image" in entities_in(file.path)

@@ -25,16 +25,9 @@ from ispom_app.views.rerun.stored_tape import StoredTape
 from rerun.chunk import RrdReader
 
 from ispom.types import Measurement, is_stereo
-from tests import doubles
-from tests.alone import METHODS
 from tests.app import helpers
 
 rr.set_strict_mode(True)
-
-
-@pytest.fixture
-def run() -> Playback:
-    return Playback(doubles.sequence(), METHODS, builder=helpers.build)
 
 
 @pytest.fixture

@@ -41,11 +41,6 @@ from tests.app import helpers
 rr.set_strict_mode(True)
 
 
-@pytest.fixture
-def run() -> Playback:
-    return Playback(doubles.sequence(), METHODS, builder=helpers.build)
-
-
 def events(run: Playback) -> list[Stepped]:
     return [run.step() for _ in range(len(run.sequence))]
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from ispom_app.cli.main import main
 from ispom_app.engine.history.series import Series
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.stage.drawings import drawings
@@ -24,13 +23,9 @@ from ispom_app.views.viser.screen import Screen
 
 from ispom.errors import InputError
 from tests import doubles
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import build_full, ran, started, wait_for
 from tests.app.run.external_trajectories.made import elsewhere, read, written
 from tests.sequences.kitti_folder import make_drive
-
-
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("recorded")
     drive = str(make_drive(place / "kitti", 14))
     Path(drive, "times.txt").write_text("".join(f"{100 + i / 10:.6f}\n" for i in range(14)))
-    assert main(["run", drive, "--stereo-every", "2", "--out", str(place / "run")], build) == 0
-    return place / "run"
+    return ran(drive, place / "run", "--stereo-every", "2", builder=build_full)
 
 
 @pytest.fixture
@@ -50,7 +44,7 @@ def recording(run: Path, tmp_path: Path) -> Path:
 
 
 def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, recording: Path) -> None:
-    whole, alone = read_stored(run, lambda s, o: o.open(s), build), read_recording(recording)
+    whole, alone = read_stored(run, lambda s, o: o.open(s), build_full), read_recording(recording)
     assert alone.methods == whole.methods
     expected, found = Series(whole.methods), Series(alone.methods)
     for stored, series in ((whole, expected), (alone, found)):
@@ -76,7 +70,7 @@ def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, rec
 def test_another_programs_trajectory_is_drawn_with_a_recording_at_the_times_of_its_source(
     recording: Path, run: Path, tmp_path: Path
 ) -> None:
-    source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
+    source = read_stored(run, lambda s, o: o.open(s), build_full).playback.sequence
     orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
     session = started(tmp_path / "recordings", str(recording), trajectory_options=(orb,))
     wait_for(lambda: session.state.index >= 0, "the recording")
@@ -90,7 +84,7 @@ def test_another_programs_trajectory_is_drawn_with_a_recording_at_the_times_of_i
 def test_another_programs_trajectory_is_drawn_over_what_was_recorded(
     recording: Path, run: Path, tmp_path: Path, alone: bool
 ) -> None:
-    source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
+    source = read_stored(run, lambda s, o: o.open(s), build_full).playback.sequence
     orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
     options = {"trajectory_options": (orb,), "opener": lambda source, options: options.open(source)}
     session = started(tmp_path / "recordings", str(recording if alone else run), **options)
@@ -111,7 +105,7 @@ def test_another_programs_trajectory_is_drawn_over_what_was_recorded(
 
 def test_without_truth_in_a_recording_the_page_says_so_and_goes_on(tmp_path: Path) -> None:
     drive = make_drive(tmp_path / "kitti", 14, poses=False)
-    assert main(["run", str(drive), "--out", str(tmp_path / "run")], build) == 0
+    ran(drive, tmp_path / "run", builder=build_full)
     alone = (tmp_path / "run" / "run.rrd").rename(tmp_path / "alone.rrd")
     orb = read(written(tmp_path / "orb.tum", elsewhere(doubles.sequence(14))))
     session = started(tmp_path / "recordings", str(alone), trajectory_options=(orb,))

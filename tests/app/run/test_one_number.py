@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ispom_app.cli.main import main
 from ispom_app.engine.frame_record import DEFINITIONS, ERROR, INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord
 from ispom_app.features.agents.agent_session import AgentSession
 from ispom_app.features.agents.tool import tools
@@ -29,6 +28,8 @@ from ispom_app.session.review.recording import read_recording
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.views.web.messages import message_of
+
+from tests.app.helpers import ran
 
 METHODS = ("monocular", "stereo", "integrated")
 FRAMES = 60
@@ -57,7 +58,7 @@ class Seen:
 def seen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Seen]:
     folder = tmp_path_factory.mktemp("run") / "one"
     words = ["--max-exposures", str(FRAMES), "--methods", *METHODS]
-    assert main(["run", "sim:tiny", "--seed", "1", "--out", str(folder), *words]) == 0
+    ran("sim:tiny", folder, "--seed", "1", *words)
     with reviewed([folder], ["one"]) as review:
         run = review.session.run
         assert run is not None

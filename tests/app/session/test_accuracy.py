@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.panel import BranchesPanel
 from ispom_app.features.plots.page_message import error_curves
@@ -26,7 +25,8 @@ from ispom_app.views.web.messages import message_of
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
 from tests.app import helpers
-from tests.app.helpers import with_values
+from tests.app.gui import text_of
+from tests.app.helpers import ran, with_values
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
 METHODS = ("monocular", "stereo", "integrated")
@@ -51,7 +51,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 def metrics(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What `ispom run` says of it."""
     out = tmp_path_factory.mktemp("run") / "out"
-    assert main(["run", "sim:tiny", "--out", str(out), "--no-recording"]) == 0
+    ran("sim:tiny", out, "--no-recording")
     return json.loads((out / "metrics.json").read_text(encoding="utf-8"))["methods"]
 
 
@@ -65,7 +65,7 @@ def test_the_table_of_branches_agrees_with_metrics_json(tiny: Session, metrics: 
     for method, error in errors.items():
         assert error.ate_m == pytest.approx(metrics[method]["ate_m"], rel=1e-9)
         assert (error.alignment, len(error.estimate)) == (metrics[method]["aligned"], metrics[method]["poses"])
-    text = BranchesPanel(server.gui, tiny)._text.content
+    text = text_of(BranchesPanel, server, tiny)
     printed = lengths([metrics[method]["ate_m"] for method in METHODS])
     for cell, alignment in zip(printed, ("Sim(3)", "SE(3)", "SE(3)"), strict=True):
         assert f"{cell} {alignment}" in text
@@ -116,7 +116,7 @@ def test_before_the_first_fit_the_table_and_the_chip_say_provisional(tiny: Sessi
         (),
         {"state": state, "service": lambda self, kind: SimpleNamespace(run_of=lambda number: early), "post": None},
     )()
-    assert "provisional" in BranchesPanel(server.gui, session)._text.content
+    assert "provisional" in text_of(BranchesPanel, server, session)
 
 
 def test_branches_are_compared_over_their_common_frames(tiny: Session) -> None:

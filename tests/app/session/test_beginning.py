@@ -8,7 +8,6 @@ from threading import Event
 
 import numpy as np
 import pytest
-from ispom_app.cli.main import main
 from ispom_app.engine.differences.compare import divergences, record_rows
 from ispom_app.engine.options import SourceOptions
 from ispom_app.engine.playback import Playback
@@ -24,20 +23,11 @@ from ispom_app.views.web.messages import message_of
 
 from ispom.ensemble import build as real
 from ispom.methods import Config
-from tests import doubles
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import build_full, open_source, ran, started, wait_for
 from tests.sequences.kitti_folder import make_drive
 
 KNOWN = 12
 """Recorded frames, of 28: fourteen pairs, each a video frame and a stereo frame."""
-
-
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
-def opener(source: str, options: SourceOptions | None = None):
-    return (options or SourceOptions()).open(source)
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +38,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def recorded(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recorded") / "run"
-    assert main(["run", str(drive), "--max-exposures", str(KNOWN), "--out", str(folder)], build) == 0
-    return folder
+    return ran(drive, folder, "--max-exposures", str(KNOWN), builder=build_full)
 
 
 @pytest.fixture
@@ -76,7 +65,7 @@ def session(drive: Path, recorded: Path, tmp_path: Path, computing: Event) -> It
 
 
 def opened(tmp_path: Path, drive: Path, recorded: Path, **options) -> Session:
-    options = {"opener": opener, "builder": build, "beginnings": {str(drive): recorded}, **options}
+    options = {"opener": open_source, "builder": build_full, "beginnings": {str(drive): recorded}, **options}
     session = started(tmp_path, str(drive), **options)
     wait_for(lambda: session.state.phase == "ready" and session.state.index >= 0, "the run")
     return session
@@ -231,7 +220,7 @@ def test_the_demo_begins_as_it_is_computed_here() -> None:
     from ispom_app.session.current_run import CurrentRun
     from ispom_app.session.sources.opening import SourceOpener
 
-    sources = SourceOpener(opener, real, "modern", beginnings={DEMO: RECORDED})
+    sources = SourceOpener(open_source, real, "modern", beginnings={DEMO: RECORDED})
     playback = sources.playback(DEMO, None, None, Config(), strict=True, progress=lambda text: None)
     run = sources.begun(playback, DEMO, SourceOptions(), 100_000_000)
     assert isinstance(run, CurrentRun)

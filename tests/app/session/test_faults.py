@@ -29,7 +29,7 @@ from ispom.methods import Config
 from ispom.types import Measurement, Sequence
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import build, opener, started, wait_for
+from tests.app.helpers import build, opener, paused_session, started, wait_for
 from tests.app.recorded import entities_in, exposures_in
 from tests.app.strangers import killed_run
 
@@ -54,11 +54,9 @@ class Gate:
 
 @pytest.fixture
 def paused(tmp_path: Path) -> Iterator[Session]:
-    session = started(tmp_path, autoplay=False)
-    wait_for(lambda: session.state.phase == "ready", "opening")
-    session.post(do.Speed(None))
-    yield session
-    assert session.close(5.0)
+    with paused_session(tmp_path) as session:
+        session.post(do.Speed(None))
+        yield session
 
 
 def test_five_steps_requested_during_a_slow_frame_move_by_five(tmp_path: Path) -> None:
@@ -229,14 +227,14 @@ def test_a_fault_anywhere_in_the_worker_is_reported_and_survived(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, paused: Session
 ) -> None:
     def fault(_: Path) -> None:
-        raise PermissionError("the folder is not yours")
+        raise PermissionError("not yours")
 
     monkeypatch.setattr("ispom_app.features.recording.service.list_recordings", fault)
     paused.post(Record("r"))
     wait_for(lambda: paused.state[Recordings].current is not None, "recording")
     paused.post(StopRecording())
     wait_for(lambda: paused.state.notices, "a notice")
-    assert "the folder is not yours" in paused.state.notices[-1].text
+    assert "not yours" in paused.state.notices[-1].text
     paused.post(do.Seek(2))
     wait_for(lambda: paused.state.index == 2, "going on")
 
@@ -294,7 +292,7 @@ def test_a_viewer_that_fails_while_nothing_runs_is_noticed(tmp_path: Path) -> No
     wait_for(lambda: session.state.phase == "ready", "opening")
     viewer.failed = True
     wait_for(lambda: session.state.notices, "a notice")
-    assert "the disk is full" in session.state.notices[0].text and len(viewer.runs) == 2
+    assert "disk is full" in session.state.notices[0].text and len(viewer.runs) == 2
     assert session.close(5.0)
 
 

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import psutil
 import pytest
-from ispom_app.engine.options import SourceOptions
 from ispom_app.features.recording.commands import Record, StopRecording
 from ispom_app.session import commands as do
 from ispom_app.session.branches import kept
 from ispom_app.views.rerun.live import LiveStream
 
 from ispom.types import Sequence
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import open_source, started, wait_for
 from tests.sequences.kitti_folder import make_drive
 
 KEPT, WARM, COUNT = 2, 5, 12
@@ -25,16 +24,12 @@ LATE = (COUNT - WARM) // 2
 """Threads and files that libraries may still add after the first ones, less than one for each source."""
 
 
-def open_drive(source: str, options: SourceOptions | None = None) -> Sequence:
-    return (options or SourceOptions()).open(source)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows counts handles")
 def test_sources_that_were_opened_before_leave_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "MOST_KEPT", KEPT)
     drives = [str(make_drive(tmp_path / f"drive{n}", frames=4)) for n in range(2)]
     process = psutil.Process()
-    session = started(tmp_path / "recordings", drives[0], opener=open_drive, live=LiveStream(), autoplay=False)
+    session = started(tmp_path / "recordings", drives[0], opener=open_source, live=LiveStream(), autoplay=False)
     sequences: list[weakref.ref[Sequence]] = []
 
     def counts() -> tuple[int, int]:

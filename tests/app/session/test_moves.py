@@ -10,17 +10,15 @@ from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.session.state import Loop
 
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import paused_session, wait_for
 
 LAST = 43
 
 
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
-    session = started(tmp_path, "double:40", autoplay=False)
-    wait_for(lambda: session.state.phase == "ready", "opening")
-    yield session
-    assert session.close(5.0)
+    with paused_session(tmp_path, "double:40") as session:
+        yield session
 
 
 def goes(session: Session, command: do.Command, index: int) -> None:

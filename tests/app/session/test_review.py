@@ -11,8 +11,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from ispom_app.cli.main import main
-from ispom_app.engine.options import SourceOptions
 from ispom_app.features.bookmarks.commands import PutBookmark
 from ispom_app.features.bookmarks.service import Bookmarks
 from ispom_app.features.branches.commands import Fork, ShowBranch
@@ -37,28 +35,19 @@ from ispom_app.views.viser.screen import Screen
 from ispom.sequences import open_sequence
 from ispom.types import Tracks, TrackStatus
 from tests import doubles
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import build_full, open_source, ran, started, wait_for
 from tests.sequences.kitti_folder import make_drive
-
-
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
-
-
-def opener(source: str, options: SourceOptions | None = None):
-    return (options or SourceOptions()).open(source)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("stored")
     drive = str(make_drive(place / "kitti", 14))
-    assert main(["run", drive, "--stereo-every", "2", "--out", str(place / "run")], build) == 0
-    return place / "run"
+    return ran(drive, place / "run", "--stereo-every", "2", builder=build_full)
 
 
 def opened(tmp_path: Path, source: Path, **options) -> Session:
-    session = started(tmp_path, str(source), opener=opener, builder=build, **options)
+    session = started(tmp_path, str(source), opener=open_source, builder=build_full, **options)
     wait_for(lambda: session.state.phase != "opening" and session.state.index >= 0, "the run")
     return session
 
@@ -107,7 +96,7 @@ def test_a_fork_of_it_is_the_run_again(session: Session) -> None:
     session.post(Fork(state.methods, state.config))
     session.post(do.Speed(None))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
-    assert not [n.text for n in session.state.notices if "not the stored run" in n.text]
+    assert not [n.text for n in session.state.notices if "stored run" in n.text]
     session.post(CompareRuns("live:1", "live:0"))
     wait_for(
         lambda: session.state[Branches].comparison is not None and session.state[Branches].comparison.finished,
@@ -121,7 +110,7 @@ def test_a_replay_that_is_another_run_is_noticed_once(run: Path, tmp_path: Path)
     def other(config, methods, rig):
         return doubles.ensemble(methods, doubles.FakeEstimator)
 
-    session = started(tmp_path, str(run), opener=opener, builder=other)
+    session = started(tmp_path, str(run), opener=open_source, builder=other)
     wait_for(lambda: session.state.index == 20, "the run")
     session.post(do.Seek(15))
     wait_for(lambda: session.state.index == 15, "the frame")
@@ -139,7 +128,7 @@ def test_without_its_source_all_but_computing_works(run: Path, tmp_path: Path) -
         session = opened(tmp_path, run)
     finally:
         (run.parent / "moved").rename(drive)
-    assert any(n.text.endswith("nothing can be computed anew") and n.kind == "info" for n in session.state.notices)
+    assert any("computed anew" in n.text and n.kind == "info" for n in session.state.notices)
     session.post(do.Seek(3))
     wait_for(lambda: session.state.index == 3, "the frame")
     for command in (
@@ -149,7 +138,7 @@ def test_without_its_source_all_but_computing_works(run: Path, tmp_path: Path) -
         count = session.state.notice_count
         session.post(command)
         wait_for(lambda count=count: session.state.notice_count > count, "the refusal")
-        assert "nothing can be computed anew" in session.state.notices[-1].text
+        assert "computed anew" in session.state.notices[-1].text
     assert session.state.index == 3 and len(session.state[Branches].all) == 1
     session.close(5)
 
@@ -213,7 +202,7 @@ def test_an_address_opens_known_runs_by_name_and_nothing_else(session: Session, 
         count = session.state.notice_count
         session.post(OpenNamed(name))
         wait_for(lambda count=count: session.state.notice_count > count, "the refusal")
-        assert "there is no run called" in session.state.notices[-1].text
+        assert "no run called" in session.state.notices[-1].text
     shutil.copytree(run, tmp_path / "below")
     before = session.state.run
     session.post(OpenNamed("below"))
@@ -312,7 +301,7 @@ def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(ru
 
 def computed_tracks(run: Path, index: int, camera: str) -> Tracks:
     """As the run had them at this frame while it went on."""
-    playback = read_stored(run, opener, build).playback
+    playback = read_stored(run, open_source, build_full).playback
     event = [playback.step() for _ in range(index + 1)][-1]
     return next(step.tracks[camera] for step in event.steps if camera in step.tracks)  # type: ignore[index]
 
@@ -364,13 +353,13 @@ def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(sess
 
 
 def test_missing_tracks_of_a_stored_run_are_reported_with_what_to_do(session: Session) -> None:
-    assert all("fork it at an earlier frame" in text for text in reports(session).values())
+    assert all("earlier frame" in text for text in reports(session).values())
     shown = looked_at(session, session.state)
     assert shown is not None and "data-pick" not in track_picture(shown, recorded(session))
     count = session.state.notice_count
     session.post(Pick("video", 15, 10.0, 10.0))
     wait_for(lambda: session.state.notice_count > count, "the refusal")
-    assert "fork it at an earlier frame" in session.state.notices[-1].text
+    assert "earlier frame" in session.state.notices[-1].text
 
 
 def test_without_a_recording_the_closer_look_says_what_to_do_and_not_that_there_are_none(
@@ -383,7 +372,7 @@ def test_without_a_recording_the_closer_look_says_what_to_do_and_not_that_there_
     assert shown is not None
     text = track_picture(shown, recorded(session))
     assert "<image" in text and "no tracks" not in text and not columns(text)
-    assert all("fork it at an earlier frame" in text for text in reports(session).values())
+    assert all("earlier frame" in text for text in reports(session).values())
     session.close(5)
 
 
@@ -395,5 +384,5 @@ def test_a_recording_alone_is_looked_at_with_its_own_images_and_tracks(run: Path
         assert shown is not None and shown.pictured == camera
         text = track_picture(shown, recorded(session))
         assert "<image" in text and columns(text) and "of the recording" in text
-    assert all("cannot be computed again" in text for text in reports(session).values())
+    assert all("computed again" in text for text in reports(session).values())
     session.close(5)

@@ -18,17 +18,15 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.methods import Config
 from ispom.types import Sequence
 from tests import doubles
-from tests.app.helpers import opener, started, wait_for
+from tests.app.helpers import opener, paused_session, started, wait_for
 from tests.app.recorded import exposures_in
 
 
 @pytest.fixture
 def paused(tmp_path: Path) -> Iterator[Session]:
-    session = started(tmp_path, autoplay=False)
-    wait_for(lambda: session.state.phase == "ready", "opening")
-    session.post(do.Speed(None))
-    yield session
-    assert session.close(5.0)
+    with paused_session(tmp_path) as session:
+        session.post(do.Speed(None))
+        yield session
 
 
 def go(session: Session, command: do.Command, index: int) -> None:
@@ -104,7 +102,7 @@ def test_a_broken_image_stops_the_run_and_loses_nothing(tmp_path: Path):
 
         def load(i: int):
             if i == 9:
-                raise InputError("image_0/000009.png is cut off: copy it again")
+                raise InputError("image_0/000009.png is cut off")
             return sequence.load(i)
 
         return replace(sequence, load=load)
@@ -112,7 +110,7 @@ def test_a_broken_image_stops_the_run_and_loses_nothing(tmp_path: Path):
     session = started(tmp_path, opener=broken)
     session.post(do.Speed(None))
     wait_for(lambda: session.state.notices, "a notice")
-    assert session.state.notices[-1].text == "image_0/000009.png is cut off: copy it again"
+    assert session.state.notices[-1].text == "image_0/000009.png is cut off"
     assert not session.state.playing and session.state.computed == 9
     go(session, do.Seek(2), 2)
     session.post(do.StepBy(100))
@@ -189,7 +187,7 @@ def test_a_recording_holds_the_run_from_its_start(paused: Session, tmp_path: Pat
 def test_a_recording_has_a_name_not_a_path(paused: Session, tmp_path: Path, name: str):
     paused.post(Record(name))
     wait_for(lambda: paused.state.notices, "a notice")
-    assert "not a plain file name" in paused.state.notices[-1].text and not list(tmp_path.rglob("*.rrd"))
+    assert "plain file name" in paused.state.notices[-1].text and not list(tmp_path.rglob("*.rrd"))
 
 
 def test_a_recording_never_overwrites(paused: Session, tmp_path: Path):

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.engine.model.true_path import FIRST, TruePath
-from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.panel import BranchesPanel
 from ispom_app.features.plots.page_message import error_curves
 from ispom_app.session import commands as do
@@ -22,8 +21,10 @@ from ispom_app.views.web.messages import message_of
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.io.trajectories import tum_text
 from ispom.sequences import open_sequence
-from ispom.types import Sequence, is_video
+from ispom.types import is_video
 from tests.app import helpers
+from tests.app.gui import text_of
+from tests.app.helpers import open_source
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
 
@@ -51,15 +52,13 @@ def write_tum(folder: Path) -> Path:
     return folder
 
 
-def opener(source: str, options: SourceOptions | None = None) -> Sequence:
-    return (options or SourceOptions()).open(source)
-
-
 @pytest.fixture(scope="module")
 def single(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     """Such a recording in a session, run to its end."""
     folder = write_tum(tmp_path_factory.mktemp("tum") / "walk")
-    session = Session(SessionSetup(opener, str(folder), tmp_path_factory.mktemp("recordings"), methods=("monocular",)))
+    session = Session(
+        SessionSetup(open_source, str(folder), tmp_path_factory.mktemp("recordings"), methods=("monocular",))
+    )
     session.start()
     session.post(do.Speed(None))
     helpers.wait_for(lambda: session.state.ended, "the end", 300)
@@ -80,7 +79,7 @@ def test_its_error_is_the_ate_after_a_similarity_alignment(single: Session, serv
     assert error.alignment == "sim3" and wanted is not None and error.ate_m == wanted.ate_m < 0.02
     (chip,) = message_of(single.state)["methods"]
     assert chip["error"].endswith(" mm") and "Sim(3)" in chip["hint"]
-    assert f"{chip['error']} Sim(3)" in BranchesPanel(server.gui, single)._text.content
+    assert f"{chip['error']} Sim(3)" in text_of(BranchesPanel, server, single)
 
 
 def test_it_has_an_error_curve_and_no_live_one(single: Session) -> None:
@@ -109,7 +108,7 @@ def test_the_truth_changes_nothing_that_is_estimated(single: Session, tmp_path: 
     before = run.finish().trajectories["monocular"]
     blind = Session(
         SessionSetup(
-            lambda source, options=None: replace(opener(source, options), truth=None),
+            lambda source, options=None: replace(open_source(source, options), truth=None),
             single.state.source,
             tmp_path,
             methods=("monocular",),

@@ -66,7 +66,7 @@ def test_values_that_differ_are_shown_differently() -> None:
 
 
 def test_a_word_that_is_no_choice_names_those_that_are() -> None:
-    with pytest.raises(InputError, match="one of norm, vector, depth, unit"):
+    with pytest.raises(InputError, match="norm, vector, depth, unit"):
         parsed("monocular.paper", "scale_transfer", "norm, metre")
 
 

@@ -25,17 +25,15 @@ from ispom.evaluation.metrics import path_errors
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
-from tests.app.helpers import with_values
+from tests.app.gui import Gui, press
+from tests.app.helpers import run_to_end, with_values
 
 NAME = "<img src=x onerror=alert(1)>"
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
-    found = CurrentRun(Playback(doubles.sequence(20), METHODS, builder=helpers.build), 10**8)
-    while not found.playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(20), METHODS, builder=helpers.build))
 
 
 def with_branches(run: CurrentRun, *branches: Branch) -> State:
@@ -48,45 +46,38 @@ def two(run: CurrentRun) -> State:
     return with_branches(run, first, Branch(1, NAME, 0, 9, ("stereo.max-tracks 500 → 300",), 12, run.tally))
 
 
-def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, list[do.Command]]:
+def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, Gui, list[do.Command]]:
     commands: list[do.Command] = []
     run: Any = SimpleNamespace(opened=SimpleNamespace(truth=None))
     session: Any = SimpleNamespace(
         state=state, post=commands.append, service=lambda kind: SimpleNamespace(run_of=lambda number: run)
     )
-    panel = BranchesPanel(server.gui, session)
+    gui: Any = Gui(server)
+    panel = BranchesPanel(gui, session)
     panel.show(state)
-    return panel, commands
-
-
-def press(button: Any) -> None:
-    for callback in button._impl.update_cb:
-        callback(SimpleNamespace(target=button, client=None, client_id=None))
+    return panel, gui, commands
 
 
 def test_it_shows_how_much_of_a_run_is_in_memory_and_what_is_thinned(
     server: viser.ViserServer, run: CurrentRun
 ) -> None:
     usage = run.history_usage
-    panel, _ = made(server, with_branches(run, Branch(0, "first run", history_usage=usage)))
+    panel, gui, _ = made(server, with_branches(run, Branch(0, "first run", history_usage=usage)))
     assert usage.in_memory == 22 and usage.points_from == 0 and usage.interval == 8
-    assert (
-        "Held: all frames on disk, the newest 22 in memory (0 MB); tracks of all frames; 3 states to fork from"
-        in panel._text.content
-    )
+    assert usage.sentence in gui.text
     panel.show(with_branches(run, Branch(0, "first run", history_usage=replace(usage, points_from=5))))
-    assert "tracks from frame 5 on" in panel._text.content
+    assert "from frame 5" in gui.text
 
 
 def test_with_one_run_it_says_how_to_fork(server: viser.ViserServer, run: CurrentRun) -> None:
-    panel, _ = made(server, with_branches(run, Branch(0, "first run")))
-    assert "press Fork" in panel._text.content and not panel._choice.visible
+    _, gui, _ = made(server, with_branches(run, Branch(0, "first run")))
+    assert "press Fork" in gui.text and not gui.labelled("branch").visible
 
 
 def test_it_lists_what_differs_and_how_each_method_does(server: viser.ViserServer, two: State) -> None:
-    panel, _ = made(server, two)
-    text = panel._text.content
-    assert "first run, from frame 9 on: stereo.max-tracks 500 → 300. 12 of 22 frames" in text
+    _, gui, _ = made(server, two)
+    text = gui.text
+    assert all(part in text for part in ("from frame 9", "stereo.max-tracks 500 → 300", "12 of 22"))
     assert text.count("Stereo") == 2 and "lost" in text and "ATE" in text
     assert "<img" not in text and "&lt;img" in text, "a name is never markup"
 
@@ -114,36 +105,38 @@ def test_the_error_is_that_of_the_evaluation(run: CurrentRun) -> None:
 
 def test_methods_are_in_the_order_of_the_registry(server: viser.ViserServer, run: CurrentRun) -> None:
     tally = Tally(dict(reversed(list(run.tally.methods.items()))))
-    panel, _ = made(server, with_branches(run, Branch(0, "first run", tally=tally)))
-    places = [panel._text.content.index(f"<td>{label}") for label in ("Monocular", "Stereo", "Integrated")]
+    _, gui, _ = made(server, with_branches(run, Branch(0, "first run", tally=tally)))
+    places = [gui.text.index(f"<td>{label}") for label in ("Monocular", "Stereo", "Integrated")]
     assert places == sorted(places)
 
 
 def test_the_newest_branch_is_chosen_and_its_controls_act_on_it(server: viser.ViserServer, two: State) -> None:
-    panel, commands = made(server, two)
-    assert panel._choice.value == f"1: {NAME}" and panel._name.value == NAME and panel._drawn.value
-    panel._buttons.value = SHOW
-    panel._buttons.value = DELETE
-    press(panel._rename)
+    _, gui, commands = made(server, two)
+    assert gui.labelled("branch").value == f"1: {NAME}"
+    assert gui.labelled("name").value == NAME and gui.labelled("drawn").value
+    (buttons,) = gui.every("button_group")
+    buttons.value = SHOW
+    buttons.value = DELETE
+    press(gui.labelled("Rename"))
     assert commands == [ShowBranch(1), DeleteBranch(1), RenameBranch(1, NAME)]
-    panel._drawn.value = False
+    gui.labelled("drawn").value = False
     assert commands[-1] == HideBranch(1, True)
 
 
 def test_of_the_branch_that_is_shown_the_parent_is_chosen_to_compare(server: viser.ViserServer, two: State) -> None:
-    panel, _ = made(server, two)
+    panel, gui, _ = made(server, two)
     panel.show(with_values(two, branch=1))
-    assert panel._choice.value == "0: first run"
+    assert gui.labelled("branch").value == "0: first run"
     panel.show(with_values(two, branch=1, computed=two.computed))
-    panel._choice.value = f"1: {NAME}"
+    gui.labelled("branch").value = f"1: {NAME}"
     panel.show(with_values(two, branch=1))
-    assert panel._choice.value == f"1: {NAME}", "a person's choice stays"
+    assert gui.labelled("branch").value == f"1: {NAME}", "a person's choice stays"
 
 
 def test_choosing_another_fills_its_name(server: viser.ViserServer, two: State) -> None:
-    panel, commands = made(server, two)
-    panel._choice.value = "0: first run"
-    assert panel._name.value == "first run" and not commands
+    _, gui, commands = made(server, two)
+    gui.labelled("branch").value = "0: first run"
+    assert gui.labelled("name").value == "first run" and not commands
 
 
 def test_each_method_of_a_branch_is_a_line_where_its_poses_are(run: CurrentRun) -> None:

@@ -13,12 +13,14 @@ from ispom_app.features.methods.panel import ALWAYS, APPLIED, MORE, PENDING, Met
 from ispom_app.presentation.colours import label
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
+from ispom_app.views.rerun.layers import LAYERS
 from ispom_app.views.viser.controls import ConfigForm, label_of
 
 from ispom.methods import Config, names
 from ispom.settings import Range
 from tests import doubles
 from tests.alone import PAPER
+from tests.app.gui import Gui, press
 
 
 @dataclass(frozen=True)
@@ -35,26 +37,31 @@ class Example:
     free: float = 0.5
 
 
+def box(gui: Gui, method: str) -> viser.GuiCheckboxHandle:
+    """Switches the method on."""
+    return gui.labelled(label(method), "checkbox")
+
+
+def settings_of(gui: Gui, method: str) -> tuple[Any, dict[str, Any]]:
+    """The folder of a method's settings, and its inputs by their labels."""
+    return gui.folder(f"{label(method)} settings")
+
+
 def test_every_kind_of_field_has_its_input(server: viser.ViserServer):
-    form = ConfigForm(server.gui, Example())
-    kinds = {name: type(handle).__name__ for name, handle in form._inputs.items()}
-    assert kinds == {
-        "choice": "GuiDropdownHandle",
-        "flag": "GuiCheckboxHandle",
-        "count": "GuiSliderHandle",
-        "parallax_px": "GuiSliderHandle",
-        "tolerance": "GuiNumberHandle",
-        "free": "GuiNumberHandle",
-    }
-    assert form._inputs["parallax_px"].label == "parallax [px]"
-    assert form._inputs["choice"].hint == "How."
+    gui: Any = Gui(server)
+    form = ConfigForm(gui, Example())
+    labels = {"choice": "dropdown", "flag": "checkbox", "count": "slider", "parallax [px]": "slider"}
+    for name, kind in (labels | {"tolerance": "number", "free": "number"}).items():
+        assert gui.labelled(name, kind).visible
+    assert gui.labelled("choice").hint == "How."
     assert form.value == Example()
 
 
 def test_values_go_both_ways(server: viser.ViserServer):
     heard: list[Example] = []
-    form = ConfigForm(server.gui, Example(), heard.append)
-    form._inputs["count"].value = 120
+    gui: Any = Gui(server)
+    form = ConfigForm(gui, Example(), heard.append)
+    gui.labelled("count").value = 120
     assert heard == [Example(count=120)]
     form.show(Example(choice="vector", flag=True))
     assert form.value == Example(choice="vector", flag=True)
@@ -78,36 +85,38 @@ def test_the_methods_panel_offers_all_methods_together(server: viser.ViserServer
     opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
     state = State("double:20", methods=PAPER, run=1)
     session: Any = SimpleNamespace(state=state, opened=opened, post=commands.append)
-    panel = MethodsPanel(server.gui, session)
+    gui: Any = Gui(server)
+    panel = MethodsPanel(gui, session)
     panel.show(state)
-    assert panel._text.content == APPLIED and [m for m, box in panel._on.items() if box.value] == list(PAPER)
-    assert {name for name, folder in panel._folders.items() if folder.visible} == set(PAPER)
-    panel._on["stereo"].value = True
-    panel._forms["stereo"]._inputs["max_tracks"].value = 321
-    assert panel._text.content == PENDING and panel._folders["stereo"].visible
-    for press in panel._apply._impl.update_cb:
-        press(SimpleNamespace())
+    assert gui.text == APPLIED and [m for m in names() if box(gui, m).value] == list(PAPER)
+    assert {name for name in names() if settings_of(gui, name)[0].visible} == set(PAPER)
+    box(gui, "stereo").value = True
+    settings_of(gui, "stereo")[1]["max tracks"].value = 321
+    assert gui.text == PENDING and settings_of(gui, "stereo")[0].visible
+    press(gui.labelled("Apply and restart"))
     restart = commands[-1]
     assert isinstance(restart, do.Restart) and restart.methods == ("stereo", *PAPER)
     assert restart.config.of("stereo").max_tracks == 321
-    panel._forms["stereo.paper"]._inputs["min_inliers"].value = 77
+    settings_of(gui, "stereo.paper")[1]["min inliers"].value = 77
     session.state = replace(state, config=restart.config, methods=restart.methods, run=2)
     panel.show(session.state)
-    assert panel._on["stereo"].value and panel._text.content == APPLIED
+    assert box(gui, "stereo").value and gui.text == APPLIED
 
 
 def test_more_methods_are_one_list_and_a_choice_has_a_box(server: viser.ViserServer):
     opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
     state = State("double:20", methods=("stereo",), run=1)
     session: Any = SimpleNamespace(state=state, opened=opened, post=lambda _: None)
-    panel = MethodsPanel(server.gui, session)
+    gui: Any = Gui(server)
+    panel = MethodsPanel(gui, session)
     panel.show(state)
-    boxes = [m for m, box in panel._on.items() if box.visible]
-    assert boxes == list(ALWAYS) and label("lines") in panel._more.options
-    assert not {label(m) for m in boxes} & set(panel._more.options)
-    panel._add(label("lines"))
-    assert panel._on["lines"].value and panel._on["lines"].visible and panel._folders["lines"].visible
-    assert panel._more.value == MORE and label("lines") not in panel._more.options and panel._text.content == PENDING
+    methods, more = {label(m) for m in names()}, gui.labelled("More methods")
+    boxes = [c.label for c in gui.every("checkbox") if c.visible and c.label in methods]
+    assert boxes == [label(m) for m in ALWAYS] and label("lines") in more.options
+    assert not set(boxes) & set(more.options)
+    more.value = label("lines")
+    assert box(gui, "lines").value and box(gui, "lines").visible and settings_of(gui, "lines")[0].visible
+    assert more.value == MORE and label("lines") not in more.options and gui.text == PENDING
 
 
 def test_the_view_lists_the_methods_that_run(server: viser.ViserServer):
@@ -116,10 +125,11 @@ def test_the_view_lists_the_methods_that_run(server: viser.ViserServer):
         sequence=SimpleNamespace(rig=doubles.rig()), truth=None, external_trajectories=(), map=None
     )
     session: Any = SimpleNamespace(state=state, post=lambda _: None, opened=opened)
-    panel = ViewPanel(server.gui, session)
+    gui: Any = Gui(server)
+    panel = ViewPanel(gui, session)
     panel.show(state)
-    assert [m for m in names() if panel._boxes[m].visible] == list(state.methods)
-    assert all(label(m) in panel._legend.content for m in state.methods)
-    assert label("monocular") not in panel._legend.content
-    assert panel._boxes["disparity"].visible and panel._boxes["lines"].visible
-    assert not any(panel._boxes[layer].visible for layer in ("truth", "error", "beside", "map"))
+    assert [m for m in names() if m not in LAYERS and box(gui, m).visible] == ["stereo"]
+    assert all(label(m) in gui.text for m in state.methods)
+    assert label("monocular") not in gui.text
+    assert gui.labelled(LAYERS["disparity"]).visible and gui.labelled(LAYERS["lines"]).visible
+    assert not any(gui.labelled(LAYERS[layer]).visible for layer in ("truth", "error", "beside", "map"))

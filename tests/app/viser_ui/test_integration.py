@@ -23,16 +23,15 @@ from ispom_app.views.web.messages import message_of
 from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.app import helpers
+from tests.app.gui import Gui
+from tests.app.helpers import run_to_end
 
 METHODS = ("monocular", "integrated", "integrated.paper")
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
-    found = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=helpers.build), 10**8)
-    while not found.playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(40), METHODS, builder=helpers.build))
 
 
 def fit_of(run: CurrentRun, method: str) -> Step:
@@ -99,30 +98,32 @@ class Panel:
     def __init__(self, server: viser.ViserServer, run: CurrentRun) -> None:
         self.asked: list[do.Command] = []
         session: Any = SimpleNamespace(state=State("double:40"), post=self.asked.append, run=run)
-        self.panel = IntegrationPanel(server.gui, session)
+        self.gui: Any = Gui(server)
+        self.panel = IntegrationPanel(self.gui, session)
         self.state = replace(reduce(State("double:40"), run.opened), displayed=run.history[43])
 
 
 def test_the_panel_offers_what_integrates_and_requests_steps(server: viser.ViserServer, run: CurrentRun) -> None:
     made = Panel(server, run)
-    panel = made.panel
+    panel, gui = made.panel, made.gui
+    method, (buttons,) = gui.labelled("integration"), gui.every("button_group")
     panel.show(made.state)
-    assert panel._method.options == ("off", "Integrated", "Integrated, 2013") and not panel._buttons.visible
-    panel._method.value = "Integrated, 2013"
+    assert method.options == ("off", "Integrated", "Integrated, 2013") and not buttons.visible
+    method.value = "Integrated, 2013"
     assert made.asked == [ShowIntegration("integrated.paper")]
     panel.show(made.state.having(IntegrationSteps(Integration("integrated.paper", 2))))
-    assert "3 of 5: Scaled" in panel._text.content and "fitted at frame" in panel._text.content
-    panel._buttons.value = NEXT
-    panel._buttons.value = PREVIOUS
+    assert "3 of 5: Scaled" in gui.text and "fitted at frame" in gui.text
+    buttons.value = NEXT
+    buttons.value = PREVIOUS
     assert made.asked[1:] == [StepIntegration(1), StepIntegration(-1)]
-    panel._method.value = "off"
+    method.value = "off"
     assert made.asked[-1] == ShowIntegration("")
 
 
 def test_before_the_first_fit_the_panel_says_so(server: viser.ViserServer, run: CurrentRun) -> None:
     made = Panel(server, run)
     made.panel.show(replace(made.state, displayed=run.history[2]).having(IntegrationSteps(Integration("integrated"))))
-    assert "Nothing is fitted up to this frame" in made.panel._text.content
+    assert "Nothing is fitted" in made.gui.text
 
 
 @pytest.mark.parametrize("stage", [0, 1, 2])

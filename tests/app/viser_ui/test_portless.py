@@ -13,6 +13,7 @@ import viser
 import websockets.asyncio.server
 from ispom_app.views.viser.portless import PageLine, PortlessViser
 
+from tests.app.gui import has_pages, understood_messages, work_off
 from tests.app.helpers import wait_for
 
 VERSION = f"viser-v{viser.__version__}"
@@ -23,7 +24,7 @@ def found() -> Iterator[PortlessViser]:
     rich.get_console().quiet = True
     made = PortlessViser("test")
     yield made
-    wait_for(lambda: not made.server._websock_server._live_connections, "viser to part from its pages")
+    wait_for(lambda: not has_pages(made.server), "viser to part from its pages")
     made.server.stop()
 
 
@@ -57,7 +58,7 @@ def test_a_page_gets_the_panels(found: PortlessViser):
     async def check(line: PageLine, sent: asyncio.Queue[bytes]) -> None:
         while len(await sent.get()) < 100:
             pass
-        assert found.server._websock_server._live_connections
+        assert has_pages(found.server)
 
     with_a_page(found, check)
 
@@ -72,12 +73,11 @@ def test_no_tunnel_to_the_world_can_be_requested(found: PortlessViser, monkeypat
             await line.put(msgspec.msgpack.encode(message))
         while line._connection.arrived.qsize():
             await asyncio.sleep(0)
-        found.server._thread_executor.submit(lambda: None).result(10)
+        work_off(found.server)
 
     with_a_page(found, check)
-    handlers = found.server._websock_server._incoming_handlers
     assert not requests
-    assert not {kind.__name__ for kind in handlers} & {"ShareUrlRequest", "ShareUrlDisconnect"}
+    assert not understood_messages(found.server) & {"ShareUrlRequest", "ShareUrlDisconnect"}
 
 
 @pytest.mark.parametrize(
@@ -110,4 +110,4 @@ def test_a_page_that_is_gone_leaves_nothing_behind(found: PortlessViser):
         await asyncio.wait_for(found.connect(VERSION, gone).served, 20)
 
     asyncio.run(main())
-    assert not found.server._websock_server._live_connections
+    assert not has_pages(found.server)

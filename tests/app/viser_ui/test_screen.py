@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
@@ -12,7 +13,6 @@ import pytest
 import viser
 from ispom_app.engine.playback import Playback
 from ispom_app.features.lessons.library import Library
-from ispom_app.features.recording.panel import RecordPanel
 from ispom_app.features.recording.state import Recording
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
@@ -23,7 +23,8 @@ from ispom_app.views.viser.screen import Screen
 
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
+from tests.app.gui import Gui
+from tests.app.helpers import build_full, run_to_end, with_values
 
 N = 40
 
@@ -31,15 +32,7 @@ N = 40
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
     """Every estimator says all that a Step can say."""
-    playback = Playback(
-        doubles.sequence(N),
-        METHODS,
-        builder=lambda config, methods, rig: doubles.ensemble(methods, doubles.FullEstimator),
-    )
-    found = CurrentRun(playback, 10**9)
-    while not playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(N), METHODS, builder=build_full))
 
 
 class FakeSession:
@@ -83,14 +76,11 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
 @pytest.fixture
 def screen(server: viser.ViserServer, session: FakeSession, clock, monkeypatch: pytest.MonkeyPatch) -> Screen:
+    monkeypatch.setattr(server, "gui", Gui(server))
     monkeypatch.setattr(screens, "PortlessViser", lambda label: SimpleNamespace(server=server))
     made: Any = Screen(session)  # type: ignore[arg-type]
     made.show_tabs(made.tabs)
     return made
-
-
-def panel(screen: Screen, kind: type) -> Any:
-    return next(p for p in screen.panels if isinstance(p, kind))
 
 
 class Shown:
@@ -168,13 +158,15 @@ def test_the_thread_paints_until_it_is_closed(screen: Screen, session: FakeSessi
     painted = Event()
     monkeypatch.setattr(screen, "paint", painted.set)
     monkeypatch.setattr(screen.server, "stop", lambda: None)
+    before = set(threading.enumerate())
     screen.start()
     assert painted.wait(10)
+    begun = set(threading.enumerate()) - before
     screen.close()
-    assert not screen._thread.is_alive()
+    assert begun and not any(thread.is_alive() for thread in begun)
 
 
 def test_the_record_panel_shows_what_is_recorded(screen: Screen, session: FakeSession):
     session.becomes(recording=Recording("flight.rrd", 1_500_000, 12))
     screen.paint()
-    assert "Recording flight.rrd: 12 of" in panel(screen, RecordPanel)._text.content
+    assert "Recording flight.rrd: 12 of" in screen.server.gui.text

@@ -14,6 +14,7 @@ from ispom_app.views.viser.screen import Screen
 
 from ispom.methods import registry
 from ispom.settings import settings
+from tests.app.gui import inputs_of
 from tests.app.helpers import started, wait_for
 
 APP = Path(ispom_app.__file__).parent
@@ -34,7 +35,7 @@ def test_every_control_of_the_panels_has_a_hint(tmp_path: Path) -> None:
     screen = Screen(session)
     screen.show_tabs(screen.tabs)
     screen.paint()
-    handles: list[Any] = list(screen.server.gui._gui_input_handle_from_uuid.values())
+    handles: list[Any] = inputs_of(screen.server)
     controls = [handle for handle in handles if type(handle).__name__ not in NO_CONTROLS]
     assert len(controls) > 80
     silent = [(type(c).__name__, getattr(c, "label", "")) for c in controls if not getattr(c, "hint", None)]

@@ -12,6 +12,7 @@ from ispom.estimators.modern.integrated.report import DRIFT_SHARE, newest_covari
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.types import Measurement, Sequence, Status, Step, is_stereo
 from tests.alone import alone
+from tests.estimators.modern.setups import setup_of
 
 LAST = 3
 """Pairs seen; the video goes on for 1.7 s."""
@@ -56,7 +57,7 @@ def test_what_is_told_grows_with_the_way_since_pairs_were_due(
     flight: Sequence, walked: list[tuple[ModernIntegratedState, Step]]
 ) -> None:
     state, step = walked[-1]
-    setup = ModernIntegratedConfig().build(flight.rig)._setup
+    setup = setup_of(ModernIntegratedConfig().build(flight.rig))
     window, reference, usual_ns = state.window, state.window.reference, state.window.usual_ns
     view = window.views[-1]
     assert reference is not None and usual_ns is not None

@@ -14,6 +14,7 @@ from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import K1, PAIR, TERMS, by_column
 from ispom.types import Camera, Rig
+from tests.estimators.modern.setups import setup_of
 
 CAMERA, BASELINE_M = Camera(640, 480, 460.0, 460.0, 319.5, 235.0), 0.4
 COUNT, FRESH = 300, 150
@@ -30,7 +31,7 @@ def observed(xyz: Array, left_from_world: Pose, ids: NDArray[np.int64], k1: floa
 
 
 def test_fresh_points_have_the_pose_and_the_pair_that_the_adjustment_found() -> None:
-    setup = ModernStereoConfig().build(Rig.stereo(CAMERA, BASELINE_M))._setup
+    setup = setup_of(ModernStereoConfig().build(Rig.stereo(CAMERA, BASELINE_M)))
     rng, k1 = np.random.default_rng(0), 0.02
     ahead = np.column_stack([rng.uniform(-0.6, 0.6, COUNT), rng.uniform(-0.45, 0.45, COUNT), np.ones(COUNT)])
     xyz, ids = ahead * rng.uniform(3, 15, (COUNT, 1)), np.arange(COUNT)

@@ -20,6 +20,7 @@ from ispom.features.interfaces import Detector, Tracker
 from ispom.settings import settings
 from ispom.testing import check_estimator
 from ispom.types import Frame, Image, Measurement, Sequence, Status, Step, Trajectory, is_stereo
+from tests.alone import stepped_through
 from tests.same import assert_same
 
 PAIRS = 6
@@ -27,10 +28,7 @@ CONFIGS = {"monocular": ModernMonocularConfig, "stereo": ModernStereoConfig}
 
 
 def followed(estimator: ModernStereo, pairs: list[Frame]) -> tuple[Trajectory, list[Step]]:
-    state, steps = estimator.start(), list[Step]()
-    for pair in pairs:
-        state, step = estimator.step(state, pair)
-        steps.append(step)
+    state, steps = stepped_through(estimator, pairs)
     return estimator.finish(state), steps
 
 

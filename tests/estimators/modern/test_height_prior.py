@@ -21,6 +21,7 @@ from ispom.solvers.influence.problem import collecting_problems
 from ispom.solvers.window.adjustment import Window, adjust, covariance, marginalise
 from ispom.solvers.window.prior import POSE
 from ispom.types import Camera, Rig
+from tests.estimators.modern.setups import setup_of
 from tests.nees import band
 
 CAMERA, BASELINE_M, NOISE_PX, SIGMA_M, POINTS = Camera(640, 480, 460.0, 460.0, 319.5, 239.5), 0.3, 1.0, 0.005, 80
@@ -33,7 +34,7 @@ def setup(height_sigma_m: float = SIGMA_M) -> Setup:
     config = ModernStereoConfig(
         self_calibration=False, loss_px=NOISE_PX, max_error_px=10.0, height_sigma_m=height_sigma_m, iterations=30
     )
-    return config.build(Rig.stereo(CAMERA, BASELINE_M))._setup
+    return setup_of(config.build(Rig.stereo(CAMERA, BASELINE_M)))
 
 
 def drive(seed: int, keys: int, sigma_m: float) -> list[Pose]:
@@ -163,5 +164,5 @@ def test_its_influence_is_that_of_solving_without_it() -> None:
 
 
 def test_it_is_off_by_default() -> None:
-    assert ModernStereoConfig().build(Rig.stereo(CAMERA, BASELINE_M))._setup.families(StereoMap()) == ()
+    assert setup_of(ModernStereoConfig().build(Rig.stereo(CAMERA, BASELINE_M))).families(StereoMap()) == ()
     assert height_prior(setup(), StereoMap(), 0.1).widths.shape == (0,)

@@ -12,8 +12,9 @@ import pytest
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.evaluation.metrics import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.geometry import Pose, so3_log
-from ispom.types import Frame, Measurement, Sequence, Status, Step, Trajectory, is_stereo, is_video
+from ispom.types import Frame, Measurement, Sequence, Status, Step, is_stereo, is_video
 from tests.alone import Alone, alone
+from tests.estimators.test_contract import same
 
 
 def estimator_of(flight: Sequence, **changes: object) -> Alone:
@@ -117,10 +118,6 @@ def test_a_step_tells_the_spline_before_and_after_its_adjustment(walked: tuple[l
     newest = fit.video & (fit.times_ns > fit.times_ns[~fit.video][-2])
     revised = step.revised.select(np.isin(step.revised.times_ns, fit.times_ns[newest]))
     assert np.abs(fit.after[newest] - revised.translations).max() < 0.02, "but for what anchors it to stereo"
-
-
-def same(a: Trajectory, b: Trajectory) -> bool:
-    return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("times_ns", "rotations", "translations"))
 
 
 def test_threads_change_nothing_and_an_earlier_state_can_be_stepped_on_from(

@@ -10,7 +10,7 @@ import pytest
 
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Frame, Measurement, Sequence, Status, Step, Trajectory, is_stereo
-from tests.alone import Alone, alone
+from tests.alone import Alone, alone, stepped_through
 
 LIGHT_S, DARK_S, OTHER_S = 1.4, 1.5, 1.4
 
@@ -50,10 +50,7 @@ def cut(flight: Sequence, other: Sequence) -> list[Measurement]:
 @pytest.fixture(scope="module")
 def gone_through(flight: Sequence, cut: list[Measurement]) -> tuple[Alone, dict, list[Step]]:
     estimator = alone("integrated", flight.rig)
-    state, steps = estimator.start(), []
-    for exposure in cut:
-        state, step = estimator.step(state, exposure)
-        steps.append(step)
+    state, steps = stepped_through(estimator, cut)
     return estimator, state, steps
 
 

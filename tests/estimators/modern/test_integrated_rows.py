@@ -15,6 +15,7 @@ from ispom.estimators.modern.integrated.window import JointWindow, Table, View
 from ispom.estimators.modern.rolling import late_s, motion_at
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig
+from tests.estimators.modern.setups import setup_of
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5, line_delay_s=0.02 / 479)
 RIG_FROM_VIDEO = Pose.from_rotvec(np.array([0.02, -0.05, 0.01]), np.array([0.1, -0.05, 0.2]))
@@ -66,7 +67,7 @@ def window_of(xyz: Array, views: list[View]) -> JointWindow:
 @pytest.mark.parametrize("after_pair", [False, True])
 def test_a_frame_is_put_together_by_the_motion_of_the_frames_before_it(xyz: Array, after_pair: bool) -> None:
     """Also just after a pair: the motion between pairs is that of a third of a second, and led 3 mm aside."""
-    setup, now = ModernIntegratedConfig().build(RIG)._setup, 1.0
+    setup, now = setup_of(ModernIntegratedConfig().build(RIG)), 1.0
     before = [view_of(xyz, now - k * FRAME_S) for k in (4, 3, 2, 1)]
     views = [replace(v, world_from_rig=at(v.time_ns * 1e-9)) for v in before]
     if after_pair:
@@ -106,7 +107,7 @@ def test_rates_are_as_far_off_as_they_are_told_to_be(xyz: Array) -> None:
     for now in np.arange(1.0, 1.4, FRAME_S):
         views = [replace(view_at(now - k * FRAME_S, True), world_from_rig=at(now - k * FRAME_S)) for k in (4, 3, 2, 1)]
         state = ModernIntegratedState(window_of(xyz, views))
-        state, _, _ = localise(ModernIntegratedConfig().build(RIG)._setup, state, view_of(xyz, now))
+        state, _, _ = localise(setup_of(ModernIntegratedConfig().build(RIG)), state, view_of(xyz, now))
         newest = state.window.views[-1]
         told.append(replace(state.window, views=(newest,)).rate_variance())
         poses = [(round(t * 1e9), at(t)) for t in (now - 3 * FRAME_S, now - 2 * FRAME_S, now - FRAME_S, now)]

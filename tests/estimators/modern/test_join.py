@@ -19,7 +19,8 @@ from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.worlds import Recognised, Worlds
 from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Decision, Measurement, Sequence, Step, is_video
-from tests.estimators.modern.monocular_setup import monocular_setup
+from tests.alone import run
+from tests.estimators.modern.setups import monocular_setup
 
 GREY = np.zeros((48, 64), np.uint8)
 SIMILARITY = Similarity(2.5, Pose(Rotation.from_euler("xyz", (0.3, -0.2, 1.0)).as_matrix(), np.array([4.0, -1.0, 2.0])))
@@ -153,10 +154,7 @@ def joined(flight: Sequence, exposures: list[Measurement]) -> tuple[list[Step], 
         with pytest.MonkeyPatch.context() as patch:
             if patched:
                 patch.setattr(keyframes, "check_scale", check)
-            state, steps = estimator.start(), list[Step]()
-            for frame in filter(is_video, exposures):
-                state, step = estimator.step(state, frame)
-                steps.append(step)
+            steps = list(run(estimator, filter(is_video, exposures)))
         whole = whole or steps
     last = whole[-1].world_from_frame
     assert last is not None

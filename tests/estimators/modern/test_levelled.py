@@ -31,7 +31,8 @@ from ispom.sequences import open_sequence
 from ispom.simulation.scenario.calibrations import Unlevel, WrongPair
 from ispom.solvers.right_camera import FOCAL, OFFSET_Y, PAIR, PITCH, ROLL, YAW, by_column, by_row
 from ispom.types import Decision, Frame, Rig, Sequence, Status, Step, is_stereo
-from tests.alone import alone
+from tests.alone import alone, run, stepped_through
+from tests.estimators.modern.setups import setup_of
 
 DATA = Path(__file__).parents[4] / "shared/data"
 SAID = {"levelled", "rows_changed", "different_moments"}
@@ -45,12 +46,7 @@ def pairs_of(sequence: Sequence, count: int = PAIRS) -> list[Frame]:
 
 
 def steps_of(rig: Rig, pairs: list[Frame], config: ModernStereoConfig = CONFIG) -> list[Step]:
-    stereo = config.build(rig)
-    state, steps = stereo.start(), []
-    for pair in pairs:
-        state, step = stereo.step(state, pair)
-        steps.append(step)
-    return steps
+    return list(run(config.build(rig), pairs))
 
 
 def about_level(step: Step) -> list[Decision]:
@@ -97,7 +93,7 @@ def wrong(**values: float) -> Array:
 @cache
 def setup() -> Setup:
     rig = open_sequence("sim:tiny", seed=0).rig.changed(pair_sigma=None)
-    return ModernStereoConfig().build(rig)._setup
+    return setup_of(ModernStereoConfig().build(rig))
 
 
 @pytest.mark.parametrize(
@@ -227,11 +223,8 @@ def test_a_right_camera_that_was_turned_is_levelled(flight: Sequence, pitch_deg:
 
 def test_the_integration_takes_the_level_pair(flight: Sequence) -> None:
     sequence = Unlevel(rows_px=-3.1, roll_deg=0.5).on(flight, 0)
-    method, steps = alone("integrated", sequence.rig), list[Step]()
-    state = method.start()
-    for i in range(40):
-        state, step = method.step(state, sequence[i])
-        steps.append(step)
+    method = alone("integrated", sequence.rig)
+    state, steps = stepped_through(method, (sequence[i] for i in range(40)))
     assert sum(step.status is Status.TRACKING for step in steps) >= len(steps) - 2
     assert sequence.truth is not None
     error = trajectory_error(method.finish(state), sequence.truth, "se3")
@@ -296,11 +289,8 @@ def test_images_of_different_moments_are_named(rendered: Path, late_ms: int) -> 
 def test_a_rover_s_pair_is_levelled_at_its_first_frame() -> None:
     folder = DATA / "hard/rover_unlevel"
     sequence, truth = open_sequence(str(folder / "sequences/32")), read_tum(folder / "truth.tum")
-    stereo, steps = CONFIG.build(sequence.rig), list[Step]()
-    state = stereo.start()
-    for pair in pairs_of(sequence, 50):
-        state, step = stereo.step(state, pair)
-        steps.append(step)
+    stereo = CONFIG.build(sequence.rig)
+    state, steps = stepped_through(stereo, pairs_of(sequence, 50))
     assert sum(step.status is Status.TRACKING for step in steps) >= 48
     assert [d.key for step in steps for d in about_level(step)] == ["levelled"] and about_level(steps[0])
     error = trajectory_error(stereo.finish(state), truth, "se3")

@@ -24,7 +24,7 @@ from ispom.estimators.tracked_frame import ScenePoints
 from ispom.geometry import Pose
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Measurement, Sequence, Status, Step, as_grey, is_video
-from tests.estimators.modern.monocular_setup import monocular_setup
+from tests.estimators.modern.setups import monocular_setup
 
 GREY = np.zeros((4, 4), np.uint8)
 MAP = Map((), ScenePoints(), None, 1.0)

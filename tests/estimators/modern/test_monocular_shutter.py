@@ -24,6 +24,7 @@ from ispom.estimators.modern.rolling import RollingTracks, late_px, late_s, moti
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig, TrackStatus
+from tests.estimators.modern.setups import setup_of
 
 STEP_NS, READOUT_S = 33_333_333, 0.02
 CAMERA = Camera(640, 480, 450.0, 450.0, 319.5, 239.5, (0.05, -0.02, 0.0, 0.0), line_delay_s=READOUT_S / 479)
@@ -102,7 +103,7 @@ def window(last: int) -> Map:
 
 
 def setup(camera: Camera = CAMERA) -> Setup:
-    return ModernMonocularConfig().build(Rig.single(camera))._setup
+    return setup_of(ModernMonocularConfig().build(Rig.single(camera)))
 
 
 def followed_to(time_ns: int) -> tuple[LiveTracks, TrackingResult]:

@@ -16,14 +16,15 @@ from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window, adjust
 from ispom.solvers.window.prior import anchored
 from ispom.types import Camera, Rig
+from tests.estimators.modern.setups import setup_of
 from tests.estimators.modern.test_noise import flown
 from tests.nees import band
 
 ERROR, SCALE, BASELINE, FX = 1e-3, 5e-3, 0.3, 100.0
-SETUP = (
-    ModernStereoConfig(self_calibration=False, loss_px=SCALE * FX)
-    .build(Rig.stereo(Camera(640, 480, FX, FX, 319.5, 239.5), BASELINE))
-    ._setup
+SETUP = setup_of(
+    ModernStereoConfig(self_calibration=False, loss_px=SCALE * FX).build(
+        Rig.stereo(Camera(640, 480, FX, FX, 319.5, 239.5), BASELINE)
+    )
 )
 KINDS = {
     "alike": {"new": ERROR, "step": 0.0, "disparity": ERROR},

@@ -13,10 +13,11 @@ from ispom.estimators.modern.stereo.state import KeyFrame, ModernStereoState, St
 from ispom.estimators.modern.stereo.track import Expected, search_patches
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
+from tests.estimators.modern.setups import setup_of
 from tests.estimators.modern.waved_card import FX, SIZE, WALLS, drawn
 
 CAMERA = Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2)
-SETUP = ModernStereoConfig().build(Rig.stereo(CAMERA, 0.3))._setup
+SETUP = setup_of(ModernStereoConfig().build(Rig.stereo(CAMERA, 0.3)))
 WALL_M = 5.0
 NOW = Pose.from_rotvec(np.array([0.0, 0.004, 0.01]), np.array([-0.03, 0.02, -0.9]))
 """left_from_world: it came nearer to the wall, which grows by a fifth."""

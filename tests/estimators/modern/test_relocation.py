@@ -23,7 +23,8 @@ from ispom.geometry import Pose
 from ispom.solvers.localisation import PoseFit
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Camera, Frame, FrameName, Measurement, Rig, Sequence, Status, Step, Tracks, is_stereo, is_video
-from tests.alone import alone
+from tests.alone import alone, stepped_through
+from tests.estimators.modern.setups import setup_of
 
 
 def walked(
@@ -36,10 +37,7 @@ def walked(
 ) -> tuple[list[Step], np.ndarray]:
     """The steps, and how far the final poses (N,) are from where the images were taken [m]: aligned by the first ones,
     nan without a pose."""
-    state, steps = estimator.start(), []
-    for exposure in given:
-        state, step = estimator.step(state, exposure)
-        steps.append(step)
+    state, steps = stepped_through(estimator, given)
     assert flight.truth is not None
     found, truth = estimator.finish(state), flight.truth.moved(right=flight.rig.rig_from(camera))
     error_m = np.full(len(given), np.nan)
@@ -141,7 +139,7 @@ def test_the_last_frame_before_a_gap_becomes_a_key_frame(flight: Sequence, expos
     state = estimator.start()
     for frame in frames[:36]:
         state, _ = estimator.step(state, frame)
-    setup, world, last_ns = estimator._setup, state.map, frames[35].time_ns
+    setup, world, last_ns = setup_of(estimator), state.map, frames[35].time_ns
     assert world is not None and world.keys[-1].time_ns < last_ns
     for i in (36, 40):
         assert keep_frame_before_gap(setup, state, frames[i].time_ns) is state
@@ -203,7 +201,7 @@ def test_descriptors_are_no_argument_against_all_tracks_that_a_turn_left_in_sigh
     """Where most of what is in sight agrees to a fifth of a pixel, they may add to it, but not lead elsewhere."""
     rng = np.random.default_rng(2)
     rig = Rig.single(Camera(384, 288, 300.0, 300.0, 191.5, 143.5))
-    setup, ids = ModernMonocularConfig().build(rig)._setup, np.arange(100)
+    setup, ids = setup_of(ModernMonocularConfig().build(rig)), np.arange(100)
     in_camera = np.column_stack([rng.uniform(-0.6, 0.6, 100), rng.uniform(-0.4, 0.4, 100), np.ones(100)])
     in_camera *= rng.uniform(15, 50, (100, 1))
     turn = Pose.from_rotvec(np.array([0.0, 0.6, 0.0]), np.zeros(3))

@@ -13,6 +13,7 @@ from ispom.estimators.modern.integrated.observe import check_right_matches
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.types import Frame, Measurement, Sequence, Status, Step, Tracks, TrackStatus, is_stereo
 from tests.alone import alone, run
+from tests.estimators.modern.setups import setup_of
 
 FROM_S = 1.3
 """By then four pairs were taken."""
@@ -66,7 +67,7 @@ def test_a_gap_in_pairs_is_bridged_by_points_that_were_adjusted_and_by_no_others
     for exposure in exposures[:60]:
         state, _ = estimator.step(state, exposure)
     mine: ModernIntegratedState = state["integrated"]
-    setup, reference = ModernIntegratedConfig().build(flight.rig)._setup, mine.window.reference
+    setup, reference = setup_of(ModernIntegratedConfig().build(flight.rig)), mine.window.reference
     assert reference is not None
     times = [mine.window.views[i].time_ns for i in mine.window.pairs]
     view = next(v for v in reversed(mine.window.views) if v.video)

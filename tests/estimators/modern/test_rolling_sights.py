@@ -22,6 +22,7 @@ from ispom.estimators.modern.stereo.state import StereoMap
 from ispom.features.sift import SIFT
 from ispom.geometry import Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
+from tests.estimators.modern.setups import setup_of
 
 FX, ROWS_PX, READOUT_S, DISPARITY_PX = 300.0, 240, 0.03, 8
 
@@ -48,7 +49,7 @@ def test_features_of_a_camera_move_as_the_tracks_beside_them(readout_s: float) -
     followed = TrackingResult(uv, status, speeds * (readout_s > 0))
     grey, view = texture(320), camera(readout_s)
     sight = of_camera._describe(
-        ModernMonocularConfig().build(Rig.single(view))._setup, Lens(view, np.zeros(2)), followed, grey, 5.0
+        setup_of(ModernMonocularConfig().build(Rig.single(view))), Lens(view, np.zeros(2)), followed, grey, 5.0
     )
     found = SIFT.detect_and_describe(grey, 800).uv
     speed = np.where(found[:, :1] < 160, speeds[0], speeds[1])
@@ -58,7 +59,7 @@ def test_features_of_a_camera_move_as_the_tracks_beside_them(readout_s: float) -
 @pytest.mark.parametrize("readout_s", [0.0, READOUT_S])
 def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -> None:
     view, wide = camera(readout_s), texture(320 + DISPARITY_PX)
-    setup = ModernStereoConfig().build(Rig.stereo(view, 0.5))._setup
+    setup = setup_of(ModernStereoConfig().build(Rig.stereo(view, 0.5)))
     new = StereoImages(0, np.ascontiguousarray(wide[:, :320]), np.ascontiguousarray(wide[:, DISPARITY_PX:]))
     sight = described_points(setup, StereoMap(), new, steady(np.array([0.5, 0.3, 1.0, 0.2, -0.3, 0.4])))
     points, known = sight.xyz, np.isfinite(sight.xyz[:, 2])
@@ -71,7 +72,7 @@ def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -
 def test_points_of_places_are_met_where_their_middle_rows_saw_them() -> None:
     """By three places that turn as fast as their tracks say."""
     view, rng = camera(READOUT_S), np.random.default_rng(1)
-    setup, lens = ModernMonocularConfig().build(Rig.single(view))._setup, Lens(view, np.zeros(2))
+    setup, lens = setup_of(ModernMonocularConfig().build(Rig.single(view))), Lens(view, np.zeros(2))
     xyz = np.column_stack([rng.uniform((-2, -1.5), (2, 1.5), (60, 2)), rng.uniform(5, 9, 60)])
     places, seen = list[Keyframe](), list[np.ndarray]()
     for k, speed in enumerate(np.array([[150.0, 80.0], [-90.0, 120.0], [60.0, -150.0]])):

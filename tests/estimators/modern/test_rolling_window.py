@@ -20,6 +20,7 @@ from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.types import Camera, Rig
+from tests.estimators.modern.setups import setup_of
 from tests.nees import band
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5, line_delay_s=0.02 / 479)
@@ -63,7 +64,7 @@ class Shaken:
 def setup() -> Setup:
     rig = Rig.stereo(CAMERA, BASELINE_M)
     config = ModernStereoConfig(loss_px=0.17, window=WINDOW, self_calibration=False, iterations=10)
-    return config.build(rig)._setup
+    return setup_of(config.build(rig))
 
 
 def found(seed: int, pair_at: float | None = None) -> tuple[Pose, Array | None]:

@@ -26,6 +26,7 @@ from ispom.solvers.localisation import fit_pose
 from ispom.solvers.right_camera import BOTH_K1, COLUMNS, PAIR, ROLL, by_column
 from ispom.solvers.window.prior import anchored
 from ispom.types import Camera, Rig
+from tests.estimators.modern.setups import setup_of
 
 CAMERA = Camera(1280, 960, 920.0, 920.0, 639.5, 470.0, line_delay_s=0.03 / 959)
 BASELINE_M, SIGMA = 0.4, 0.17 / 920
@@ -146,9 +147,9 @@ def found_of(setup: Setup, extra: Array) -> tuple[StereoMap, StereoMap, list[Arr
     return start, found, motions, xyz
 
 
-def setup_of(**settings: Any) -> Setup:
+def unchecked_setup(**settings: Any) -> Setup:
     """Without a check of the settings: exact observations want a narrower loss than they may have."""
-    return ModernStereo(Rig.stereo(CAMERA, BASELINE_M), ModernStereoConfig(**settings))._setup
+    return setup_of(ModernStereo(Rig.stereo(CAMERA, BASELINE_M), ModernStereoConfig(**settings)))
 
 
 def off_by(world: StereoMap, motions: list[Array]) -> Array:
@@ -157,7 +158,7 @@ def off_by(world: StereoMap, motions: list[Array]) -> Array:
 
 
 def test_motions_of_key_frames_are_found_together_with_the_map_that_they_bent() -> None:
-    setup = setup_of(loss_px=1e-3 * SIGMA * CAMERA.fx, max_error_px=20)
+    setup = unchecked_setup(loss_px=1e-3 * SIGMA * CAMERA.fx, max_error_px=20)
     start, found, motions, xyz = found_of(setup, np.zeros(PAIR))
     before, off = off_by(start, motions), off_by(found, motions)
     assert before[:6].max() > 0.4 and off[:6].max() < 0.03
@@ -171,7 +172,7 @@ def test_what_is_wrong_with_the_pair_is_not_taken_for_motion() -> None:
     extra[ROLL], extra[BOTH_K1] = np.radians(0.1), 0.001
     found = {}
     for sought in (False, True):
-        setup = setup_of(loss_px=0.01, max_error_px=20, self_calibration=sought)
+        setup = unchecked_setup(loss_px=0.01, max_error_px=20, self_calibration=sought)
         _, world, motions, _ = found_of(setup, extra)
         found[sought] = off_by(world, motions)[:6], np.abs(world.extra - extra)[[ROLL, BOTH_K1]]
     assert found[False][0].max() > 1.5, "m/s, where the pair is held"
@@ -181,7 +182,7 @@ def test_what_is_wrong_with_the_pair_is_not_taken_for_motion() -> None:
 
 
 def test_a_key_frame_that_sees_nothing_of_the_others_moves_as_foretold() -> None:
-    setup = setup_of()
+    setup = unchecked_setup()
     _, world, _, _ = found_of(setup, np.zeros(PAIR))
     first, second, *rest = world.keys
     blind = second.only(np.zeros(200, bool))

@@ -16,6 +16,7 @@ from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
+from tests.estimators.modern.setups import setup_of
 
 DEPTH, SHIFTS_PX = 5.0, (0, 6, 14)
 """Of a wall that the camera passes, and how far its image moved until each key frame."""
@@ -39,7 +40,7 @@ def wall() -> Wall:
     )
     uv = np.column_stack([random.uniform(40, width - 40, COUNT), random.uniform(20, PLAIN.height - 20, COUNT)])
     rays = np.column_stack([PLAIN.normalise(uv), np.ones(COUNT)])
-    setup = replace(ModernMonocularConfig().build(simulated_rig(0.5))._setup, camera=PLAIN)
+    setup = replace(setup_of(ModernMonocularConfig().build(simulated_rig(0.5))), camera=PLAIN)
     return setup, KeyframeDatabase(places), places[-1].camera_from_world.inverse().apply(DEPTH * rays), uv
 
 

@@ -13,17 +13,14 @@ from ispom.evaluation.relative_error import kitti_errors
 from ispom.features.descriptors import OpenCvFeatures
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Measurement, Sequence, Status, Step, TrackStatus, Trajectory, is_stereo
+from tests.alone import stepped_through
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 ABSENT = "the shared recordings are not here"
 
 
 def run(estimator: ModernStereo, exposures: list[Measurement]) -> tuple[Trajectory, list[Step]]:
-    state, steps = estimator.start(), []
-    for exposure in exposures:
-        if is_stereo(exposure):
-            state, step = estimator.step(state, exposure)
-            steps.append(step)
+    state, steps = stepped_through(estimator, filter(is_stereo, exposures))
     return estimator.finish(state), steps
 
 

@@ -10,12 +10,9 @@ import pytest
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.predict import LastPair
 from ispom.geometry import Pose
-from ispom.types import Frame, Measurement, Sequence, Status, Step, is_stereo
+from ispom.types import Frame, Measurement, Sequence, Status, Step
 from tests.alone import run
-
-
-def pairs_of(exposures: list[Measurement]) -> list[Frame]:
-    return [e for e in exposures if is_stereo(e)]
+from tests.estimators.modern.test_stereo import pairs_of
 
 
 def exchanged(pair: Frame) -> Frame:

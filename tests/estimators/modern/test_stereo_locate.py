@@ -11,9 +11,10 @@ from ispom.estimators.modern.stereo.predict import LastPair
 from ispom.estimators.modern.stereo.state import ModernStereoState, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig
+from tests.estimators.modern.setups import setup_of
 
 CAMERA, BASELINE_M, NOISE_PX = Camera(1280, 960, 920.0, 920.0, 640.0, 480.0), 0.4, 0.08
-SETUP = ModernStereoConfig().build(Rig.stereo(CAMERA, BASELINE_M))._setup
+SETUP = setup_of(ModernStereoConfig().build(Rig.stereo(CAMERA, BASELINE_M)))
 TRUE = Pose.from_rotvec(np.array([0.01, 0.07, -0.02]), np.array([-0.1, -0.07, -1.0]))
 """left_from_world."""
 FAR, NEAR = 130, 26

@@ -16,6 +16,7 @@ from ispom.geometry import Pose
 from ispom.solvers.localisation import fit_pose
 from ispom.types import Camera, Decision, Frame, Rig, Step, TrackStatus
 from tests.estimators.modern import waved_card
+from tests.estimators.modern.setups import setup_of
 from tests.estimators.modern.waved_card import FX, SIZE
 
 BASELINE_M = 0.3
@@ -45,7 +46,7 @@ def told(
     disparity = FX * BASELINE_M / now[:, 2] + noise_px * rng.standard_normal(count)
     all_points = np.arange(count)
     points = PairPoints(all_points, uv.astype(np.float32), disparity.astype(np.float32), np.zeros((len(uv), 2)))
-    setup = ESTIMATOR._setup
+    setup = setup_of(ESTIMATOR)
     located = fit_pose(xyz, points.seen_by(CAMERA), LEFT, setup.noise.width, setup.limit, setup.baseline_m)
     assert located is not None
     status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)

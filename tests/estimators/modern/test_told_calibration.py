@@ -10,6 +10,7 @@ from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Array
 from ispom.solvers.right_camera import AHEAD, FOCAL, K1, LAG, OFFSET_X, OFFSET_Y, P1, PAIR, YAW
 from ispom.types import EXACT_LENS, EXACT_PAIR, Corrections, LensSigma, Measurement, PairSigma, Rig, Sequence, is_stereo
+from tests.estimators.modern.setups import setup_of
 
 PIXEL = PairSigma(offset_px=1.0, turn_deg=2.0, focal=0.03, radial=0.04, decentring=0.05, lag_s=0.06)
 
@@ -37,7 +38,7 @@ def test_pixels_of_the_file_are_those_of_its_cameras(width_px: int, flight: Sequ
     """Wide images are tracked smaller."""
     camera = flight.rig.camera("left").scaled(width_px / flight.rig.camera("left").width)
     rig = flight.rig.changed(left=camera, right=camera, pair_sigma=PIXEL)
-    assert ModernStereoConfig().build(rig)._setup.extra_sigma[OFFSET_X] == pytest.approx(1 / camera.fx)
+    assert setup_of(ModernStereoConfig().build(rig)).extra_sigma[OFFSET_X] == pytest.approx(1 / camera.fx)
 
 
 def corrections(rig: Rig, exposures: list[Measurement]) -> tuple[Array, Array]:

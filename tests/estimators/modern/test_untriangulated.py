@@ -20,10 +20,11 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import LENS, POSE
 from ispom.types import Camera, Rig, TrackStatus
+from tests.estimators.modern.setups import setup_of
 from tests.nees import band
 
 CAMERA = Camera(384, 288, 276.0, 276.0, 191.5, 143.5)
-SETUP = ModernMonocularConfig().build(Rig.single(CAMERA))._setup
+SETUP = setup_of(ModernMonocularConfig().build(Rig.single(CAMERA)))
 KEY = Pose.from_rotvec(np.array([0.02, -0.1, 0.01]), np.array([1.0, 0.1, -0.5]))
 """world_from_camera of the key frame, of the last image, and of the new one: a bend."""
 LAST = KEY @ Pose.from_rotvec(np.array([0.0, 0.1, 0.005]), np.array([0.15, 0.0, 0.9]))

@@ -13,6 +13,7 @@ from ispom.simulation.places.town import build_town, on_route
 from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
 from ispom.types import Frame, Status, Step
+from tests.alone import run
 
 APART_M, COUNT = 11.0, 6
 
@@ -30,12 +31,7 @@ def frames() -> list[Frame]:
 
 
 def stepped(frames: list[Frame]) -> list[Step]:
-    estimator = ModernMonocularConfig().build(simulated_rig(0.5))
-    state, steps = estimator.start(), []
-    for frame in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
-    return steps
+    return list(run(ModernMonocularConfig().build(simulated_rig(0.5)), frames))
 
 
 def test_features_begin_the_map_where_the_tracker_loses_its_points(

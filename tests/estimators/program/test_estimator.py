@@ -48,7 +48,7 @@ def test_it_goes_on_from_an_earlier_state_in_another_process(command: tuple[str,
 def test_one_that_saves_nothing_cannot_go_back_beyond_its_budget() -> None:
     estimator = config(FORGETS, replay_mb=0).build(RIG)
     states = walk(estimator, 4)
-    with pytest.raises(InputError, match=r"cannot go back to frame 2 .*--tested.replay-mb than 0, or run again"):
+    with pytest.raises(InputError, match=r"frame 2 .*--tested.replay-mb"):
         walk(estimator, 1, states[2])
 
 

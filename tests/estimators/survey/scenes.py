@@ -29,3 +29,9 @@ def seen(world_from_camera: Pose, camera: Camera = CAMERA) -> tuple[Image, Array
     points = world_from_camera.translation + depth[:, None] * in_world
     grey = np.rint(np.clip(texture(points[:, :2]), 0, 255)).astype(np.uint8)
     return grey.reshape(camera.height, camera.width), depth.reshape(camera.height, camera.width)
+
+
+def arc(k: int) -> Pose:
+    """Returns world_from_camera of frame k: along an arc, with rotations."""
+    turn = np.array([0.03 * np.sin(0.3 * k), -0.006 * k, 0.004 * k])
+    return Pose.from_rotvec(turn, np.array([0.07 * k, 0.15 * np.sin(0.25 * k), 0.03 * k]))

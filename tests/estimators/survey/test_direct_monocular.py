@@ -17,24 +17,16 @@ from ispom.evaluation.trajectory_error import trajectory_error
 from ispom.geometry import Pose
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Frame, Image, Rig, Status, Step, Trajectory
-from tests.estimators.survey.scenes import CAMERA, seen
+from tests.alone import stepped_through
+from tests.estimators.survey.scenes import CAMERA, arc, seen
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 COUNT = 14
 
 
-def pose(k: int) -> Pose:
-    """Returns world_from_camera of frame k: along an arc, with rotations."""
-    turn = np.array([0.03 * np.sin(0.3 * k), -0.006 * k, 0.004 * k])
-    return Pose.from_rotvec(turn, np.array([0.07 * k, 0.15 * np.sin(0.25 * k), 0.03 * k]))
-
-
 def run(frames: list[Frame], keyframe_moved: float = 8.0) -> tuple[list[Step], Trajectory]:
     estimator = DirectMonocularConfig(max_points=800, keyframe_moved=keyframe_moved).build(Rig.single(CAMERA))
-    state, steps = estimator.start(), list[Step]()
-    for frame in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
+    state, steps = stepped_through(estimator, frames)
     return steps, estimator.finish(state)
 
 
@@ -45,18 +37,18 @@ def video(k: int, world_from_camera: Pose, noise: float = 0.0) -> Frame:
 
 @pytest.mark.parametrize(("noise", "share"), [(0.0, 0.01), (1.0, 0.03)])
 def test_the_path_before_a_plane_is_right_up_to_scale(noise: float, share: float) -> None:
-    steps, found = run([video(k, pose(k), noise) for k in range(COUNT)])
+    steps, found = run([video(k, arc(k), noise) for k in range(COUNT)])
     assert steps[0].status is Status.INITIALISING
     first = next(i for i, step in enumerate(steps) if step.status is Status.TRACKING)
     assert first < 10 and all(step.status is Status.TRACKING for step in steps[first:])
-    truth = Trajectory.of([(k * 100_000_000, pose(k)) for k in range(COUNT)], "video")
+    truth = Trajectory.of([(k * 100_000_000, arc(k)) for k in range(COUNT)], "video")
     error = trajectory_error(found, truth, "sim3")
     assert error is not None and len(error.estimate) == COUNT - first
     assert error.ate_m < share * truth.length
 
 
 def test_the_unit_is_the_distance_of_the_images_of_the_start() -> None:
-    steps, _ = run([video(k, pose(k)) for k in range(10)])
+    steps, _ = run([video(k, arc(k)) for k in range(10)])
     first = next(step for step in steps if step.status is Status.TRACKING)
     assert first.world_from_frame is not None and first.key_frame
     assert np.linalg.norm(first.world_from_frame.translation) == pytest.approx(1)
@@ -72,9 +64,9 @@ def test_without_a_displacement_there_is_no_start(rate: float) -> None:
 
 def test_after_dark_frames_a_new_segment_begins() -> None:
     dark = np.full((240, 320), 5, np.uint8)
-    frames = [video(k, pose(k)) for k in range(10)]
+    frames = [video(k, arc(k)) for k in range(10)]
     frames += [Frame.video(k * 100_000_000, dark) for k in range(10, 17)]
-    frames += [video(k, pose(k - 17)) for k in range(17, 28)]
+    frames += [video(k, arc(k - 17)) for k in range(17, 28)]
     steps, _ = run(frames)
     assert steps[9].status is Status.TRACKING
     assert all(step.status is Status.LOST and step.world_from_frame is None for step in steps[10:17])
@@ -83,7 +75,7 @@ def test_after_dark_frames_a_new_segment_begins() -> None:
 
 
 def test_ids_of_pixels_are_unique() -> None:
-    steps, _ = run([video(k, pose(k)) for k in range(12)], 1.0)
+    steps, _ = run([video(k, arc(k)) for k in range(12)], 1.0)
     keys = [step for step in steps if step.key_frame]
     assert len(keys) > 1
     for step in keys:
@@ -92,7 +84,7 @@ def test_ids_of_pixels_are_unique() -> None:
 
 def test_a_pose_that_contradicts_the_images_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     contradicted(monkeypatch, line_error_px=1.01 * LINE_PX)
-    steps, _ = run([video(k, pose(k)) for k in range(COUNT)])
+    steps, _ = run([video(k, arc(k)) for k in range(COUNT)])
     first = next(i for i, step in enumerate(steps) if step.status is Status.TRACKING)
     assert all(step.status is Status.LOST for step in steps[first + 1 :])
     failed = steps[first + 1].decisions[-1]
@@ -100,7 +92,7 @@ def test_a_pose_that_contradicts_the_images_is_lost(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_scale_gets_less_certain_with_each_keyframe() -> None:
-    steps, _ = run([video(k, pose(k), 1.0) for k in range(12)], 1.0)
+    steps, _ = run([video(k, arc(k), 1.0) for k in range(12)], 1.0)
     sigmas = [step.scale_sigma for step in steps if step.scale_sigma is not None]
     assert sum(step.key_frame for step in steps) > 1
     assert sigmas[0] == 0.0 and sigmas == sorted(sigmas) and 0 < sigmas[-1] < MAX_SCALE_GROWTH
@@ -108,7 +100,7 @@ def test_the_scale_gets_less_certain_with_each_keyframe() -> None:
 
 def test_a_segment_ends_where_its_scale_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     contradicted(monkeypatch, line_error_px=0.6 * LINE_PX, parallax_px=0.4 * LINE_PX / MAX_SCALE_GROWTH)
-    steps, _ = run([video(k, pose(k)) for k in range(12)], 1.0)
+    steps, _ = run([video(k, arc(k)) for k in range(12)], 1.0)
     ends = next(i for i, step in enumerate(steps) if step.status is Status.LOST)
     failed, after = steps[ends].decisions[-1], steps[ends + 1]
     assert failed.key == "scale_known" and not failed.passed

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 from ispom.estimators.survey.flow import FlowConfig, by_rotation, by_velocity, egomotion
 from ispom.geometry import Pose, so3_exp
 from ispom.types import Frame, Sequence
+from tests.alone import run
 
 RNG = np.random.default_rng(2)
 X = RNG.uniform([-0.6, -0.4], [0.6, 0.4], (200, 2))
@@ -54,11 +55,7 @@ def true_motion(sequence: Sequence, before: Frame, now: Frame) -> tuple[np.ndarr
 
 def test_rendered_images_give_the_direction_within_five_degrees(flight: Sequence, exposures: list) -> None:
     frames = [e for e in exposures if e.kind == "video"][:16]
-    flow: Any = FlowConfig().build(flight.rig)
-    state, steps = flow.start(), []
-    for frame in frames:
-        state, step = flow.step(state, frame)
-        steps.append(step)
+    steps = list(run(FlowConfig().build(flight.rig), frames))
     directions, rates = [], []
     for before, now, first, second in zip(frames[1:], frames[2:], steps[1:], steps[2:], strict=False):
         between = first.world_from_frame.inverse() @ second.world_from_frame

@@ -288,15 +288,15 @@ def test_a_run_goes_on_from_any_state_to_the_same_end() -> None:
 
 def test_a_missing_sensor_or_library_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig.single(Camera(64, 48, 50.0, 50.0, 31.5, 23.5))
-    with pytest.raises(InputError, match=r"^fused needs a sensor besides the images"):
+    with pytest.raises(InputError, match=r"^fused needs"):
         FusedConfig().build(rig)
-    with pytest.raises(InputError, match="scheme 3 needs an IMU and a GNSS antenna and a wheel odometer, which this"):
+    with pytest.raises(InputError, match=r"scheme 3 needs .*IMU.*GNSS.*wheel"):
         FusedConfig(scheme="3").build(rig)
     monkeypatch.setattr(fused, "find_spec", lambda name: None)
     rig = rig.changed(wheel=WheelOdometer())
-    with pytest.raises(InputError, match=r"^fused needs gtsam, of the extra `fusion`"):
+    with pytest.raises(InputError, match=r"^fused needs gtsam"):
         FusedConfig().build(rig)
-    with pytest.raises(InputError, match=r"^fused\.tight needs gtsam, of the extra `fusion`"):
+    with pytest.raises(InputError, match=r"^fused\.tight needs gtsam"):
         FusedTightConfig().build(rig)
     assert importlib.util.find_spec("gtsam") is not None
 

@@ -147,9 +147,9 @@ def test_a_run_goes_on_from_any_state_to_the_same_end() -> None:
 
 
 def test_a_missing_sensor_is_one_sentence() -> None:
-    with pytest.raises(InputError, match="scheme 6 needs an IMU, which this sequence lacks"):
+    with pytest.raises(InputError, match="scheme 6 needs an IMU"):
         FusedTightConfig(scheme="6").build(Rig.single(CAMERA))
-    with pytest.raises(InputError, match="needs an IMU or a GNSS antenna, which this sequence lacks"):
+    with pytest.raises(InputError, match="IMU or a GNSS"):
         FusedTightConfig().build(Rig.single(CAMERA))
 
 

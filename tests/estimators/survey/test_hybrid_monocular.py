@@ -14,24 +14,16 @@ from ispom.evaluation.trajectory_error import trajectory_error
 from ispom.geometry import Pose, rotation_angle_rad
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Rig, Status, Step, Trajectory
-from tests.estimators.survey.scenes import CAMERA, seen
+from tests.alone import stepped_through
+from tests.estimators.survey.scenes import CAMERA, arc, seen
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 COUNT = 16
 
 
-def pose(k: int) -> Pose:
-    """Returns world_from_camera of frame k: along an arc, with rotations."""
-    turn = np.array([0.03 * np.sin(0.3 * k), -0.006 * k, 0.004 * k])
-    return Pose.from_rotvec(turn, np.array([0.07 * k, 0.15 * np.sin(0.25 * k), 0.03 * k]))
-
-
 def run(frames: list[Frame]) -> tuple[list[Step], Trajectory]:
     estimator = HybridMonocularConfig().build(Rig.single(CAMERA))
-    state, steps = estimator.start(), list[Step]()
-    for frame in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
+    state, steps = stepped_through(estimator, frames)
     return steps, estimator.finish(state)
 
 
@@ -40,11 +32,11 @@ def video(k: int, world_from_camera: Pose) -> Frame:
 
 
 def test_the_path_before_a_plane_is_right_up_to_scale() -> None:
-    steps, found = run([video(k, pose(k)) for k in range(COUNT)])
+    steps, found = run([video(k, arc(k)) for k in range(COUNT)])
     assert steps[0].status is Status.INITIALISING
     first = next(i for i, step in enumerate(steps) if step.status is Status.TRACKING)
     assert first < 10 and all(step.status is Status.TRACKING for step in steps[first:])
-    truth = Trajectory.of([(k * 100_000_000, pose(k)) for k in range(COUNT)], "video")
+    truth = Trajectory.of([(k * 100_000_000, arc(k)) for k in range(COUNT)], "video")
     error = trajectory_error(found, truth, "sim3")
     assert error is not None and len(error.estimate) == COUNT - first
     assert error.ate_m < 0.01 * truth.length
@@ -57,7 +49,7 @@ def test_the_path_before_a_plane_is_right_up_to_scale() -> None:
 def test_exact_observations_give_exact_keyframes_and_points() -> None:
     rng = np.random.default_rng(2)
     xyz = np.column_stack([rng.uniform(-2, 2, (60, 2)), rng.uniform(4, 9, 60)])
-    poses = [pose(4 * k) for k in range(4)]
+    poses = [arc(4 * k) for k in range(4)]
     seen_uv = np.stack([CAMERA.project(p.inverse().apply(xyz)) for p in poses], axis=1).astype(np.float32)
     seen_uv[:20, 1] = np.nan
     wrong = [p @ Pose.from_rotvec(rng.normal(0, 3e-3, 3), rng.normal(0, 0.01, 3)) for p in poses[2:]]
@@ -77,9 +69,9 @@ def test_a_pure_rotation_gives_no_map() -> None:
 
 def test_after_dark_frames_a_new_segment_begins() -> None:
     dark = np.full((240, 320), 5, np.uint8)
-    frames = [video(k, pose(k)) for k in range(10)]
+    frames = [video(k, arc(k)) for k in range(10)]
     frames += [Frame.video(k * 100_000_000, dark) for k in range(10, 17)]
-    frames += [video(k, pose(k - 17)) for k in range(17, 28)]
+    frames += [video(k, arc(k - 17)) for k in range(17, 28)]
     steps, _ = run(frames)
     assert steps[9].status is Status.TRACKING
     assert all(step.status is Status.LOST and step.world_from_frame is None for step in steps[10:17])

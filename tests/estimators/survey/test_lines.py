@@ -13,16 +13,15 @@ from ispom.evaluation.metrics import path_errors
 from ispom.features.segments import Detector
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Sequence, Status, Step
+from tests.alone import stepped_through
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 
 
 def steps_of(sequence: Sequence, config: LinesConfig, most: int = 1000) -> tuple[Lines, list[Step], Any]:
-    estimator, steps = config.build(sequence.rig), list[Step]()
-    state = estimator.start()
-    for i in [i for i in range(len(sequence)) if sequence.kinds[i] == "stereo"][:most]:
-        state, step = estimator.step(state, sequence[i])
-        steps.append(step)
+    estimator = config.build(sequence.rig)
+    pairs = [i for i, kind in enumerate(sequence.kinds) if kind == "stereo"][:most]
+    state, steps = stepped_through(estimator, (sequence[i] for i in pairs))
     return estimator, steps, state
 
 

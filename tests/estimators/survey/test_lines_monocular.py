@@ -11,6 +11,7 @@ from ispom.estimators.survey.lines_monocular import LinesMonocular, LinesMonocul
 from ispom.evaluation.metrics import path_errors
 from ispom.features.segments import Detector
 from ispom.types import Frame, Sequence, Status, Step
+from tests.alone import stepped_through
 from tests.line_scene import line_sequence
 
 Run = tuple[LinesMonocular, list[Step], Any]
@@ -27,11 +28,8 @@ def run(room: Sequence) -> Run:
 
 
 def ran(room: Sequence, config: LinesMonocularConfig) -> Run:
-    estimator, steps = config.build(room.rig), list[Step]()
-    state = estimator.start()
-    for i in range(len(room)):
-        state, step = estimator.step(state, room[i])
-        steps.append(step)
+    estimator = config.build(room.rig)
+    state, steps = stepped_through(estimator, (room[i] for i in range(len(room))))
     return estimator, steps, state
 
 

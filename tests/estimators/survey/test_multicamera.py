@@ -22,6 +22,7 @@ from ispom.sequences.formats.simulated import open_simulated
 from ispom.sequences.images import read_grey
 from ispom.solvers.generalised import scaled
 from ispom.types import Camera, Frame, Image, Rig, Sequence, Status, Step, Trajectory
+from tests.alone import run
 from tests.crops import cropped_pair, only_cameras
 
 KITTI = Path("../shared/data/kitti/sequences/06")
@@ -291,10 +292,7 @@ def test_six_real_cameras() -> None:
     rig, frames = six_cameras(0.5)
     assert len(frames) == 3 and all(len(frame.images) == 6 for frame, _ in frames)
     estimator = MulticameraConfig(max_points=1200).build(rig)
-    state, steps = estimator.start(), []
-    for frame, _ in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
+    steps = list(run(estimator, (frame for frame, _ in frames)))
     assert all(step.status is Status.TRACKING for step in steps)
     assert all(check.passed for check in decisions(steps, "relative_scale_sigma"))  # by what two cameras see
     found, true = steps[2].world_from_frame, frames[0][1].inverse() @ frames[2][1]

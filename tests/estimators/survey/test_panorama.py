@@ -10,6 +10,7 @@ import pytest
 from ispom.estimators.survey.panorama import PanoramaConfig, least_squares_rotation, rotation_between_rays
 from ispom.geometry import Array, Pose, rotation_angle_rad, so3_exp
 from ispom.types import Camera, Frame, Image, Rig, Status, Step, Trajectory
+from tests.alone import stepped_through
 from tests.estimators.survey.scenes import seen
 
 CAMERA = Camera(320, 240, 250.0, 250.0, 159.5, 119.5)
@@ -50,10 +51,7 @@ def run(
     images: list[Image], camera: Camera = CAMERA, config: PanoramaConfig | None = None
 ) -> tuple[list[Step], Trajectory]:
     estimator = (config or PanoramaConfig()).build(Rig.single(camera))
-    state, steps = estimator.start(), list[Step]()
-    for k, grey in enumerate(images):
-        state, step = estimator.step(state, Frame.video(k * 100_000_000, grey))
-        steps.append(step)
+    state, steps = stepped_through(estimator, (Frame.video(k * 100_000_000, grey) for k, grey in enumerate(images)))
     return steps, estimator.finish(state)
 
 

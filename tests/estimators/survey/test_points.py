@@ -17,7 +17,7 @@ from ispom.geometry import Array, Pose
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 from ispom.types import Status, Trajectory
-from tests.alone import alone, run
+from tests.alone import alone, run, stepped_through
 from tests.rounds import SCENARIOS, rig, world_from_rig
 
 KITTI = Path("../shared/data/kitti/sequences/06")
@@ -81,10 +81,7 @@ def test_a_bend_through_a_cloud_of_balls_is_found(features: str) -> None:
     """Small images: 160 x 120 pixels, so that one pixel is half a degree; some 40 points."""
     scenario = next(s for s in SCENARIOS if s.name == "moving" and s.kinds == {"video"})
     sequence, estimator = scenario.sequence(80), alone("points", rig(), PointsConfig(features=features))
-    state, steps = estimator.start(), []
-    for i in range(80):
-        state, step = estimator.step(state, sequence[i])
-        steps.append(step)
+    state, steps = stepped_through(estimator, (sequence[i] for i in range(80)))
     located = [step.status is Status.TRACKING for step in steps]
     assert all(located[located.index(True) :]) and np.mean(located) > 0.8
     truth = Trajectory.of([(sequence[i].time_ns, world_from_rig(i)) for i in range(80)], "rig")

@@ -14,6 +14,7 @@ from ispom.errors import InputError
 from ispom.estimators.survey.tags import UNIT_CORNERS, Memory, TagPoses, TagsConfig, View
 from ispom.geometry import Pose, rotation_angle_rad
 from ispom.types import Camera, Frame, Rig, Status, Step
+from tests.alone import stepped_through
 from tests.tag_scene import CAMERA, SIDE_M, WORLD_FROM_TAG, corners_in_world, rendered, tag_sequence, world_from_camera
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "sensors" / "tags"
@@ -27,10 +28,7 @@ def view(pose: Pose, tags: list[int]) -> View:
 
 
 def steps_of(estimator: TagPoses, frames: list[Frame]) -> tuple[Memory, list[Step]]:
-    state, steps = estimator.start(), list[Step]()
-    for frame in frames:
-        state, step = estimator.step(state, frame)
-        steps.append(step)
+    state, steps = stepped_through(estimator, frames)
     return state.memory, steps
 
 

@@ -63,7 +63,7 @@ def test_a_camera_without_calibration_is_a_guess_or_that_of_a_file(info: bool | 
     sequence = open_sequence(str(path))
     camera = sequence.rig.camera("video")
     assert (camera.width, camera.height, camera.fx) == (96, 64, 0.7 * 96) and sequence.guess is not None
-    assert any("no calibration for /cam0/image_raw: give --camera" in note for note in sequence.notes)
+    assert any("/cam0/image_raw" in note and "--camera" in note for note in sequence.notes)
     for beside in (False, True):
         file = tmp_path / ("camera.yaml" if beside else "own.yaml")
         file.write_text("{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}")
@@ -76,12 +76,12 @@ def test_a_camera_without_calibration_is_a_guess_or_that_of_a_file(info: bool | 
 def test_a_calibration_takes_the_place_of_none_that_is_good(tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text("{width: 96, height: 64, fx: 90, fy: 90, cx: 47.5, cy: 31.5}")
     odd = make_bag(tmp_path / "odd", "ros1", ("camera",), model=("double_sphere", (0.0,) * 5))
-    with pytest.raises(InputError, match=r"double_sphere.* or give --camera"):
+    with pytest.raises(InputError, match=r"double_sphere.*--camera"):
         open_sequence(str(odd))
     assert open_sequence(str(odd), camera=tmp_path / "own.yaml").rig.camera("video").fx == 90
     for cameras in (("camera",), ("left", "right")):
         whole = make_bag(tmp_path / cameras[0], "ros1", cameras)
-        with pytest.raises(InputError, match="has its own calibration: leave --camera"):
+        with pytest.raises(InputError, match="own calibration: leave --camera"):
             open_sequence(str(whole), camera=tmp_path / "own.yaml")
 
 
@@ -164,7 +164,7 @@ def test_compressed_images_of_more_than_8_bits_have_the_range_of_all(bits: int, 
 @pytest.mark.parametrize("encoding", ["nv24", "jpeg", ""])
 def test_an_encoding_that_is_not_known_is_refused_at_once(encoding: str, tmp_path: Path) -> None:
     path = make_bag(tmp_path, "ros1", ("camera",), encode=lambda image: (encoding, image))
-    with pytest.raises(InputError, match=f"has encoding {encoding}, give one of mono8"):
+    with pytest.raises(InputError, match=f"{encoding}.*mono8"):
         open_sequence(str(path))
 
 
@@ -173,7 +173,7 @@ def test_images_whose_stamps_repeat_have_the_times_of_the_bag(kind: str, tmp_pat
     path = make_bag(tmp_path, kind, ("camera",), stamp=lambda i: START_NS + i // 2 * 2 * STEP_NS)
     sequence = open_sequence(str(path))
     assert sequence.times_ns.tolist() == [START_NS + i * STEP_NS for i in range(6)]
-    assert "3 of 6 images of /camera/image_raw repeat the time stamp of another" in sequence.notes[0]
+    assert "3 of 6 images of /camera/image_raw" in sequence.notes[0]
     for i, image in enumerate(images(6, 8)):
         exposure = sequence[i]
         assert is_video(exposure)
@@ -197,7 +197,7 @@ def test_an_image_that_was_recorded_twice_is_left_out_and_noted(tmp_path: Path) 
     )
     sequence = open_sequence(str(path))
     assert sequence.times_ns.tolist() == [START_NS + i * STEP_NS for i in range(3)]
-    assert "3 of 6 images of /camera/image_raw skipped" in sequence.notes[0]
+    assert "3 of 6 images of /camera/image_raw" in sequence.notes[0]
 
 
 def test_without_the_extra_its_name_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,7 +228,7 @@ def test_a_topic_whose_name_is_a_number_is_one_sentence(tmp_path: Path) -> None:
     bag = make_bag(tmp_path, "mcap", ("cam0", "cam1"))
     text = (bag / "metadata.yaml").read_text()
     (bag / "metadata.yaml").write_text(text.replace("/cam0/image_raw", "0x1F"))
-    with pytest.raises(InputError, match="is not a whole bag"):
+    with pytest.raises(InputError, match="whole bag"):
         open_sequence(str(bag))
 
 
@@ -259,7 +259,7 @@ def test_images_of_another_size_than_their_camera_info_are_refused_when_the_bag_
 
 def test_a_pair_that_is_exchanged_is_mentioned(tmp_path: Path) -> None:
     sequence = open_sequence(str(make_bag(tmp_path, "ros1", ("left", "right"), baseline_m=-0.5)))
-    assert not sequence.rig.has_stereo and any("the cameras are exchanged" in note for note in sequence.notes)
+    assert not sequence.rig.has_stereo and any("exchanged" in note for note in sequence.notes)
 
 
 def test_a_pair_without_a_baseline_is_mentioned(tmp_path: Path) -> None:
@@ -347,7 +347,7 @@ def test_topics_are_chosen(tmp_path: Path) -> None:
 def test_chosen_topics_without_camera_info_have_the_calibration_of_a_file(tmp_path: Path) -> None:
     path = make_bag(tmp_path, "ros1", ("a", "b", "c"), info=False)
     topics = ("left=/a/image_raw", "right=/c/image_raw")
-    with pytest.raises(InputError, match="no usable camera_info for /a/image_raw"):
+    with pytest.raises(InputError, match="camera_info for /a/image_raw"):
         open_sequence(str(path), topics=topics)
     camera = Camera(WIDTH, HEIGHT, 80.0, 80.0, 47.5, 31.5)
     rig = Rig.of(left=camera, right=camera, rig_from_right=Pose(translation=np.array([0.3, 0.0, 0.0])))

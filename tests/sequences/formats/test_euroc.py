@@ -47,7 +47,7 @@ def test_images_without_a_partner_are_left_out_and_reported(tmp_path: Path) -> N
     sequence = open_sequence(str(folder))
     assert sequence.kinds.count("stereo") == 4
     assert (np.diff(sequence.times_ns[np.array(sequence.kinds) == "stereo"]) == np.array([1, 2, 1]) * STEP_NS).all()
-    assert "2 of 6 left and 0 of 4 right images have no partner" in sequence.notes[-1]
+    assert "2 of 6 left and 0 of 4 right" in sequence.notes[-1]
 
 
 def test_a_right_camera_that_stops_half_way_ends_the_pairs_and_is_reported(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_a_truth_of_another_time_is_reported(tmp_path: Path) -> None:
     path = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
     path.write_text(path.read_text().replace("\n140", "\n130"))
     sequence = open_sequence(str(folder))
-    assert sequence.truth is None and "data.csv has no pose at the times of the images" in sequence.notes[-1]
+    assert sequence.truth is None and "data.csv has no pose" in sequence.notes[-1]
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_cameras_that_are_exchanged_are_called_so(tmp_path: Path) -> None:
     texts = [sensor.read_text() for sensor in sensors]
     for sensor, text in zip(sensors, reversed(texts), strict=True):
         sensor.write_text(text)
-    with pytest.raises(InputError, match="the cameras are exchanged"):
+    with pytest.raises(InputError, match="exchanged"):
         open_sequence(str(folder))
 
 

@@ -52,7 +52,7 @@ def test_all_that_is_sent_comes_in_order_and_stays(calibration: Path) -> None:
         sequence = grown(open_sequence(stream.url, camera=calibration))
     assert len(sequence) == N and set(sequence.kinds) == {"video"} and sequence.grow is None
     assert (np.diff(sequence.times_ns) > 0).all() and sequence.times_ns.dtype == np.int64
-    assert "ended by itself after 12 images" in sequence.notes[-1]
+    assert "after 12 images" in sequence.notes[-1]
     for i in (*range(N), 3, 0):  # again, in any order, after the stream is gone
         image = image_of(sequence, i)
         assert image.shape == (64, 96, 3) and not image.flags.writeable
@@ -85,7 +85,7 @@ def test_a_stream_that_stalls_is_reported_once_after_all_it_gave(
     monkeypatch.setattr(live, "SOURCE_TIMEOUT_S", 0.3)
     with streaming(images(N, 0), holds=True) as stream:
         sequence = open_sequence(stream.url, camera=calibration)
-        with pytest.raises(InputError, match=r"stream.mjpg gave no image for 0.3 s after 12: check"):
+        with pytest.raises(InputError, match=r"stream.mjpg .*0.3 s after 12"):
             sequence = grown(sequence)
         while len(sequence) < N:  # the sequence of before the failure goes on to its end
             assert sequence.grow is not None
@@ -97,17 +97,17 @@ def test_the_room_on_disk_ends_it(calibration: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(spool, "MAX_BYTES", 7 * 96 * 64 * 3 + 5)
     with streaming(images(N, 0), holds=True) as stream:
         sequence = grown(open_sequence(stream.url, camera=calibration))
-    assert len(sequence) == 7 and "ended after 7 images: the space for temporary files" in sequence.notes[-1]
+    assert len(sequence) == 7 and "after 7 images" in sequence.notes[-1]
 
 
 def test_an_address_that_cannot_be_opened(calibration: Path) -> None:
     with streaming([]) as stream:
         missing = stream.url.replace("stream", "nothing")
-        with pytest.raises(InputError, match=r"nothing.mjpg cannot be opened: check the address"):
+        with pytest.raises(InputError, match=r"nothing.mjpg cannot be opened"):
             open_sequence(missing, camera=calibration)
     with pytest.raises(InputError, match="cannot be opened"):
         open_sequence(stream.url, camera=calibration)
-    with pytest.raises(InputError, match=r"^rtsp://127.0.0.1:9/x cannot be opened"):
+    with pytest.raises(InputError, match=r"^rtsp://127.0.0.1:9/x "):
         open_sequence("rtsp://me:secret@127.0.0.1:9/x", camera=calibration)
 
 
@@ -118,17 +118,17 @@ def test_a_stream_of_too_few_images(calibration: Path) -> None:
 
 def test_images_of_another_size_than_the_calibration(calibration: Path) -> None:
     made = [image[:48, :80] for image in images(4, 0)]
-    with streaming(made) as stream, pytest.raises(InputError, match=r"80 x 48, not 96 x 64 as its calibration"):
+    with streaming(made) as stream, pytest.raises(InputError, match=r"80 x 48, not 96 x 64"):
         open_sequence(stream.url, camera=calibration)
 
 
 def test_without_a_calibration() -> None:
-    with pytest.raises(InputError, match=r"camera:0 has no calibration: give --camera FILE"):
+    with pytest.raises(InputError, match=r"camera:0 .*--camera FILE"):
         open_sequence("camera:0")
 
 
 def test_a_device_that_is_not_there(calibration: Path) -> None:
-    with pytest.raises(InputError, match=r"camera:977 is not there \(no /dev/video977\): plug it in"):
+    with pytest.raises(InputError, match=r"camera:977 .*/dev/video977"):
         open_sequence("camera:977", camera=calibration)
 
 
@@ -166,7 +166,7 @@ def test_a_device_is_set_to_the_size_of_its_calibration(
 
 
 def test_another_kind_of_source_takes_no_calibration(calibration: Path) -> None:
-    with pytest.raises(InputError, match="sim:tiny has its own calibration"):
+    with pytest.raises(InputError, match=r"sim:tiny .*own calibration"):
         open_sequence("sim:tiny", camera=calibration)
 
 
@@ -188,7 +188,7 @@ def test_passwords_are_not_shown(source: str, shown: str) -> None:
 
 @pytest.mark.parametrize("address", ["gopher://me:secret@cam.local/1", "FTP://me:secret@cam.local/1"])
 def test_an_address_of_no_known_kind_is_refused_without_its_password(address: str, calibration: Path) -> None:
-    with pytest.raises(InputError, match="is no address of a stream") as caught:
+    with pytest.raises(InputError, match="address of a stream") as caught:
         open_sequence(address, camera=calibration)
     assert "secret" not in str(caught.value)
 

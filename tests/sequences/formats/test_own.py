@@ -46,7 +46,7 @@ def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
 def test_of_a_folder_around_a_recording_the_recording_is_named(tmp_path: Path) -> None:
     inner = make_images(tmp_path / "walk")
     (inner.parent / "camera.yaml").write_text(CAMERA)
-    with pytest.raises(InputError, match=f"give a recording in it, such as {re.escape(str(inner))}"):
+    with pytest.raises(InputError, match=re.escape(str(inner))):
         open_sequence(str(inner.parent))
 
 
@@ -83,7 +83,7 @@ def bag_beside(root: Path) -> None:
 def test_of_a_folder_with_more_than_a_video_one_is_named(beside: Callable[[Path], object], tmp_path: Path) -> None:
     make_video(tmp_path)
     beside(tmp_path)
-    with pytest.raises(InputError, match=f"give a recording in it, such as {re.escape(str(tmp_path / 'film.avi'))}"):
+    with pytest.raises(InputError, match=re.escape(str(tmp_path / "film.avi"))):
         open_sequence(str(tmp_path))
 
 
@@ -131,7 +131,7 @@ def test_without_times_a_rate_is_assumed_and_reported(tmp_path: Path) -> None:
     camera = folder / "camera.yaml"
     camera.write_text(camera.read_text().replace("rate_hz: 20\n", ""))
     sequence = open_sequence(str(folder))
-    assert "30 images per second assumed" in sequence.notes[0] and sequence.times_ns[3] == 100_000_000
+    assert "30 images per second" in sequence.notes[0] and sequence.times_ns[3] == 100_000_000
 
 
 @pytest.mark.parametrize("make", [make_images, make_video])
@@ -182,7 +182,7 @@ def test_pairs_are_of_one_time_and_those_without_partner_are_reported(tmp_path: 
     root = make_described(tmp_path / "x", frames=12)
     (root / "right" / "5.png").unlink()
     sequence = open_sequence(str(root))
-    assert sequence.kinds.count("stereo") == 5 and "1 of 6 left and 0 of 5 right" in sequence.notes[0]
+    assert sequence.kinds.count("stereo") == 5 and "1 of 6" in sequence.notes[0] and "0 of 5" in sequence.notes[0]
     assert sequence.times_ns[:4].tolist() == [0, 10_000_000, 50_000_000, 100_000_000]
     assert sequence.truth is not None and sequence.truth.frame == "rig"
 
@@ -196,7 +196,7 @@ def test_pairs_of_folders_without_times_are_those_of_one_number(tmp_path: Path) 
     pairs = [e for i in range(len(sequence)) if is_stereo(e := sequence[i])]
     complete = open_sequence(str(pair_folder(tmp_path / "complete", frames=8)))
     pairs_by_time = {e.time_ns: e for i in range(len(complete)) if is_stereo(e := complete[i])}
-    assert len(pairs) == 6 and any("1 of 7 left and 1 of 7 right" in note for note in sequence.notes)
+    assert len(pairs) == 6 and any(note.count("1 of 7") == 2 for note in sequence.notes)
     for pair in pairs:
         np.testing.assert_array_equal(pair.left, pairs_by_time[pair.time_ns].left)
         np.testing.assert_array_equal(pair.right, pairs_by_time[pair.time_ns].right)
@@ -208,7 +208,7 @@ def test_pairs_of_folders_without_times_or_numbers_are_as_many_of_each(tmp_path:
         path.rename(path.with_name(f"{'abcdef'[i]}.png"))
     assert open_sequence(str(folder)).kinds.count("stereo") == 6
     (folder / "right" / "c.png").unlink()
-    with pytest.raises(InputError, match="6 left and 5 right images"):
+    with pytest.raises(InputError, match="6 left and 5 right"):
         open_sequence(str(folder))
 
 
@@ -227,7 +227,7 @@ def test_names_that_are_times_put_images_in_pairs(video: bool, tmp_path: Path) -
     times_ns = [int(t) for t, kind in zip(sequence.times_ns, sequence.kinds, strict=True) if kind == "stereo"]
     first = 0 if video else since
     assert [t - first for t in times_ns[:4]] == [0, 100_000_000, 300_000_000, 400_000_000]
-    assert any("times are those in the names" in note for note in sequence.notes)
+    assert any("in the names" in note for note in sequence.notes)
 
 
 def test_a_missing_number_is_a_gap_in_time(tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ def test_a_missing_number_is_a_gap_in_time(tmp_path: Path) -> None:
     (folder / "3.png").unlink()
     sequence = open_sequence(str(folder))
     assert (sequence.times_ns // 50_000_000).tolist() == [0, 1, 2, 4, 5, 6, 7]
-    assert any("1 number is missing in the names" in note for note in sequence.notes)
+    assert any("1 number is missing" in note for note in sequence.notes)
 
 
 def test_names_without_numbers_are_reported(tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ def test_names_without_numbers_are_reported(tmp_path: Path) -> None:
     for i in range(6):
         (folder / f"{i}.png").rename(folder / f"{'fdbace'[i]}.png")
     sequence = open_sequence(str(folder))
-    assert any("taken in alphabetical order" in note for note in sequence.notes)
+    assert any("alphabetical order" in note for note in sequence.notes)
 
 
 def test_images_that_are_not_read_are_noted_and_their_numbers_are_gaps(tmp_path: Path) -> None:
@@ -253,7 +253,7 @@ def test_images_that_are_not_read_are_noted_and_their_numbers_are_gaps(tmp_path:
         (folder / f"{i}.png").rename(folder / f"{i}.HEIC")
     sequence = open_sequence(str(folder))
     assert (sequence.times_ns // 50_000_000).tolist() == [0, 3, 5, 7]
-    assert any("4 images in formats that are not read (.heic) skipped" in note for note in sequence.notes)
+    assert any("4 images" in note and ".heic" in note for note in sequence.notes)
 
 
 def test_raw_copies_of_images_are_no_gaps(tmp_path: Path) -> None:
@@ -294,7 +294,7 @@ def test_a_pair_of_which_one_camera_s_names_are_times_is_refused(tmp_path: Path)
     folder = pair_folder(tmp_path / "flight")
     for i in range(6):
         (folder / "right" / f"{i}.png").rename(folder / "right" / f"{i / 8}.png")
-    with pytest.raises(InputError, match="only one of left and right are times"):
+    with pytest.raises(InputError, match="one of left and right"):
         open_sequence(str(folder))
 
 
@@ -328,7 +328,7 @@ def test_a_folder_of_two_cameras_is_distinguished_from_one(tmp_path: Path) -> No
         write = path.read_bytes()
         path.rename(path.with_name(f"left_{path.name}"))
         path.with_name(f"right_{path.name}").write_bytes(write)
-    with pytest.raises(InputError, match=r"shots: images of several kinds .*left_0.png and right_0.png"):
+    with pytest.raises(InputError, match=r"shots: .*left_0.png and right_0.png"):
         open_sequence(str(folder))
 
 
@@ -354,11 +354,11 @@ def test_left_and_right_folders_with_a_rig_need_no_sequence_yaml(tmp_path: Path)
     (folder / "sequence.yaml").unlink()
     alone = open_sequence(str(folder))
     assert alone.kinds == described.kinds and alone.rig.has_stereo
-    assert any("images per second assumed" in note for note in alone.notes)
+    assert any("images per second" in note for note in alone.notes)
     (folder / "times.txt").write_text("".join(f"{i / 4}\n" for i in range(6)))
     assert open_sequence(str(folder)).times_ns[-1] == 1_250_000_000
     (folder / "rig.yaml").unlink()
-    with pytest.raises(InputError, match="left and right images, but no rig"):
+    with pytest.raises(InputError, match="no rig"):
         open_sequence(str(folder))
 
 
@@ -499,5 +499,5 @@ def test_a_laser_keeps_its_place_among_the_cameras(tmp_path: Path) -> None:
 def test_a_folder_of_images_that_are_not_read_says_so(tmp_path: Path) -> None:
     for i in range(5):
         (tmp_path / f"IMG_{i}.HEIC").write_bytes(b"ftypheic")
-    with pytest.raises(InputError, match=r"holds 5 images in a format that is not read \(\.heic\): convert them"):
+    with pytest.raises(InputError, match=r"5 images .*\.heic"):
         open_sequence(str(tmp_path))

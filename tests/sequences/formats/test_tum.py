@@ -46,7 +46,7 @@ def test_listed_images_that_are_not_there_are_left_out_and_reported(tmp_path: Pa
     assert len(sequence) == 5 and "1 of 6 images that" in sequence.notes[0]
     for path in (folder / "rgb").iterdir():
         path.unlink()
-    with pytest.raises(InputError, match=r"0.jpg is missing, as all images that .*rgb.txt lists"):
+    with pytest.raises(InputError, match=r"0.jpg is missing.*rgb.txt"):
         open_sequence(str(folder))
 
 
@@ -57,7 +57,7 @@ def test_a_byte_order_mark_is_no_mistake_and_another_encoding_one(tmp_path: Path
     listing.write_bytes(b"\xef\xbb\xbf" + lines)
     assert len(open_sequence(str(folder))) == 6
     listing.write_bytes(lines.replace(b"rgb/2", b"\xe9/2"))
-    with pytest.raises(InputError, match=r"rgb.txt line 4: it is not a text file in UTF-8"):
+    with pytest.raises(InputError, match=r"rgb.txt line 4: .*UTF-8"):
         open_sequence(str(folder))
 
 

@@ -19,7 +19,7 @@ def test_parking_has_its_matrix_and_poses(tmp_path: Path) -> None:
     assert sequence.name == "VAMR parking" and sequence.rig.video == Camera(WIDTH, HEIGHT, 80.0, 78.0, 47.5, 31.5)
     assert sequence.truth is not None
     np.testing.assert_allclose(sequence.truth.translations[:, 0], np.arange(6) / 10, atol=1e-12)
-    assert any("30 images per second assumed" in note for note in sequence.notes)
+    assert any("30 images per second" in note for note in sequence.notes)
 
 
 def test_a_missing_image_of_parking_is_a_gap_in_time(tmp_path: Path) -> None:

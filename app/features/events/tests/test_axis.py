@@ -12,14 +12,11 @@ from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
+from tests.app.helpers import build_full, with_values
 
 
 def made() -> CurrentRun:
-    playback = Playback(
-        doubles.sequence(40), METHODS, builder=lambda _, methods, __: doubles.ensemble(methods, doubles.FullEstimator)
-    )
-    return CurrentRun(playback, 10**8)
+    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build_full), 10**8)
 
 
 def test_each_event_is_reported_once_and_a_page_that_comes_late_hears_the_same() -> None:

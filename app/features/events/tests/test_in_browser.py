@@ -6,24 +6,20 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
-from tests.app.page.test_keys import FAKE
+from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, app, browser, page_at  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 
 
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
-    opened.until("state.ended && !state.playing", "the end")
-    for index in (12, 30):
-        opened.send(f"{{do: 'seek', index: {index}}}")
-        opened.until(f"state.index === {index}", "the frame")
-        opened.send("action('bookmark')")
-        opened.until(f"window.ispom.axis.marks.bookmarks?.marks.some(({{ at }}) => at === {index})", "the bookmark")
-    yield opened
-    assert not opened.faults
-    opened.tab.close()
+    with page_at(browser, app) as opened:
+        for index in (12, 30):
+            opened.send(f"{{do: 'seek', index: {index}}}")
+            opened.until(f"state.index === {index}", "the frame")
+            opened.send("action('bookmark')")
+            opened.until(f"window.ispom.axis.marks.bookmarks?.marks.some(({{ at }}) => at === {index})", "the bookmark")
+        yield opened
 
 
 def test_n_and_shift_n_go_to_the_next_and_the_previous_event(page: Page) -> None:

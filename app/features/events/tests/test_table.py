@@ -14,15 +14,14 @@ from ispom_app.session.current_run import CurrentRun
 from ispom.errors import InputError
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import build_full
 
 LOST = RunEvent("lost", "stereo", 12, 120, Severity.LOST, 'Lost: 9 matches, "12" needed.', 14)
 MAP = RunEvent("map", "monocular", 7, 70, Severity.OK, "Map initialised: 214 points.")
 
 
 def playback() -> Playback:
-    return Playback(
-        doubles.sequence(40), METHODS, builder=lambda _, methods, __: doubles.ensemble(methods, doubles.FullEstimator)
-    )
+    return Playback(doubles.sequence(40), METHODS, builder=build_full)
 
 
 def test_a_table_is_read_as_it_was_written(tmp_path: Path) -> None:

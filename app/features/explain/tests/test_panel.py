@@ -23,18 +23,12 @@ from ispom.plausibility.doubt import Doubt
 from ispom.types import Status, Step
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import with_values
+from tests.app.helpers import build_full, run_to_end, with_values
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
-    playback = Playback(
-        doubles.sequence(40), METHODS, builder=lambda _, methods, __: doubles.ensemble(methods, doubles.FullEstimator)
-    )
-    found = CurrentRun(playback, 10**8)
-    while not playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(40), METHODS, builder=build_full))
 
 
 def at(run: CurrentRun, index: int, **values: Any) -> State:

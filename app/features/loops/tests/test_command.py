@@ -25,6 +25,7 @@ from ispom.methods import Config, method
 from ispom.sequences import open_sequence
 from ispom.types import Camera
 from tests import doubles
+from tests.app.helpers import ran
 from tests.app.written import breaks_schema
 
 MOST = 6
@@ -40,8 +41,7 @@ def lap(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(lap: Path) -> Path:
     out = lap.parent / "run"
-    assert main(["run", str(lap), "--methods", "stereo", "--stereo.loops", "--no-recording", "--out", str(out)]) == 0
-    return out
+    return ran(lap, out, "--methods", "stereo", "--stereo.loops", "--no-recording")
 
 
 def listed(out: Path) -> dict[str, Any]:

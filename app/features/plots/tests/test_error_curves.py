@@ -29,12 +29,8 @@ OWN = ["Monocular (Sim(3))", "Integrated (SE(3))"]
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> CurrentRun:
     path = written(tmp_path_factory.mktemp("beside") / "a.tum", elsewhere(SEQUENCE, unit_m=0.9))
-    found = CurrentRun(
-        Playback(SEQUENCE, METHODS, builder=helpers.build, external_trajectories=(external(SEQUENCE, path),)), 10**8
-    )
-    while not found.playback.done:
-        found.step()
-    return found
+    others = (external(SEQUENCE, path),)
+    return helpers.run_to_end(Playback(SEQUENCE, METHODS, builder=helpers.build, external_trajectories=others))
 
 
 @pytest.fixture

@@ -14,14 +14,11 @@ from ispom_app.views.web.rerun_assets import ViewerFiles
 
 from ispom.geometry import Pose
 from tests import doubles
+from tests.app.helpers import build_full, ran
 from tests.sequences.kitti_folder import make_drive
 
 FRAMES = 14
 STRAYS_AT = 12
-
-
-def build(config, methods, rig):
-    return doubles.ensemble(methods, doubles.FullEstimator)
 
 
 @pytest.fixture(scope="session")
@@ -31,7 +28,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     drive = str(make_drive(place / "drive of somebody", FRAMES))
     found = place / "first", place / "second"
     for folder, more in zip(found, ([], ["--stereo.max-tracks", "300"]), strict=True):
-        assert main(["run", drive, "--stereo-every", "2", "--out", str(folder), *more], build) == 0
+        ran(drive, folder, "--stereo-every", "2", *more, builder=build_full)
     return found
 
 
@@ -98,7 +95,7 @@ def publish_lesson(publish: Callable[..., int], tmp_path_factory: pytest.TempPat
     (place / "own.md").write_text(text)
 
     def published(out: Path) -> Path:
-        assert main(["publish", str(place / "own.md"), "--lessons", "--out", str(out)], build) == 0
+        assert main(["publish", str(place / "own.md"), "--lessons", "--out", str(out)], build_full) == 0
         return out
 
     return published

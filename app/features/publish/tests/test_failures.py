@@ -14,11 +14,11 @@ from ispom_app.features.publish.gallery.failures import FAILURES, Failure, failu
 from ispom_app.features.publish.site import page_files, write_site
 
 from ispom.ensemble import build as real
-from tests.app.page.test_browser import CHROMIUM, Page, browser  # noqa: F401 - a fixture
-from tests.app.page.test_keys import FAKE
+from tests.app.helpers import build_full
+from tests.app.page.test_browser import CHROMIUM, FAKE, Page, browser  # noqa: F401 - a fixture
 from tests.sequences.kitti_folder import make_drive
 
-from .conftest import FRAMES, build
+from .conftest import FRAMES
 from .test_in_browser import served
 
 FOUND = {
@@ -43,7 +43,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """Of two runs."""
     drive = str(make_drive(tmp_path_factory.mktemp("dull"), FRAMES))
     dull = Failure("dull", "Dull", "Nothing to see.", drive, ("stereo",))
-    return failures_data(build, 1e7, (dull, replace(dull, name="dim", title="Dim")))
+    return failures_data(build_full, 1e7, (dull, replace(dull, name="dim", title="Dim")))
 
 
 def test_each_run_has_the_doctors_answer(files: dict[str, bytes]) -> None:

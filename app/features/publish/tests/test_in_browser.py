@@ -18,8 +18,7 @@ from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.stored import nobody
 from ispom_app.views.web.numbers import of_exposure, over_time
 
-from tests.app.page.test_browser import CHROMIUM, Page, browser, expect  # noqa: F401 - a fixture
-from tests.app.page.test_keys import FAKE
+from tests.app.page.test_browser import CHROMIUM, FAKE, Page, browser, expect  # noqa: F401 - a fixture
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 

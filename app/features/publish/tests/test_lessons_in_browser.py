@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, browser  # noqa: F401 - a fixture
-from tests.app.page.test_keys import FAKE
+from tests.app.page.test_browser import CHROMIUM, FAKE, browser  # noqa: F401 - a fixture
 from tests.app.page.test_lessons import Learner, answer
 
 from .test_in_browser import served

@@ -8,7 +8,6 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from ispom_app.cli.main import main
 from ispom_app.features.layers.state import Layers
 from ispom_app.features.plots.commands import DEFAULT_PLOTS, Plots
 from ispom_app.features.plots.page_message import PlotNews
@@ -16,9 +15,8 @@ from ispom_app.features.publish.messages import finished_state, run_message
 from ispom_app.features.publish.review import reviewed
 from ispom_app.views.web.messages import message_of
 
+from tests.app.helpers import build_full, ran
 from tests.sequences.kitti_folder import make_drive
-
-from .conftest import build
 
 
 def test_hidden_layers_add_up(runs: tuple[Path, Path]) -> None:
@@ -52,6 +50,6 @@ def test_runs_on_other_frames_are_refused(
 ) -> None:
     drive = make_drive(tmp_path / "other", 6)
     (drive / "times.txt").write_text("".join(f"{i / 7:e}\n" for i in range(6)))
-    assert main(["run", str(drive), "--stereo-every", "2", "--out", str(tmp_path / "other_run")], build) == 0
+    ran(drive, tmp_path / "other_run", "--stereo-every", "2", builder=build_full)
     assert publish(runs[0], tmp_path / "other_run", "--out", tmp_path / "site") == 2
     assert "other frames" in capsys.readouterr().err

@@ -11,8 +11,7 @@ from ispom_app.features.headless.command import run
 from ispom_app.features.headless.options import Run as Options
 
 from tests.app import helpers
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, expect, launched  # noqa: F401 - a fixture
-from tests.app.page.test_keys import FAKE
+from tests.app.page.test_browser import CHROMIUM, FAKE, App, Page, browser, expect, launched  # noqa: F401 - a fixture
 from tests.app.strangers import killed_run
 from tests.sequences.kitti_folder import make_drive
 

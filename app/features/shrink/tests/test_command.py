@@ -21,6 +21,7 @@ from ispom.ensemble import Ensemble
 from ispom.methods import Config
 from ispom.types import Check, Measurement, Rig, Status, Step, images_of
 from tests import doubles
+from tests.app.helpers import ran
 from tests.app.written import breaks_schema
 from tests.sequences.kitti_folder import HEIGHT, WIDTH, make_drive
 
@@ -114,7 +115,7 @@ def test_a_run_over_the_clip_has_the_event(clip: Path, tmp_path: Path) -> None:
 
 def test_a_run_is_shrunk_with_its_own_methods(drive: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
-    assert main(["run", str(drive), "--methods", "stereo", "--no-recording", "--out", str(run)], build) == 0
+    ran(drive, run, "--methods", "stereo", "--no-recording", builder=build)
     assert shrink(run, "--out", tmp_path / "out") == 0
     assert expected(tmp_path / "out").methods == ("stereo",)
     number = [each.kind for each in events_in(run)].index("lost")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import subprocess
@@ -10,11 +9,11 @@ import sys
 from pathlib import Path
 
 import cv2
-import msgspec
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.shrink.drawn import GREY
-from ispom_app.features.shrink.expected import EXPECTED, Expected
+
+from .test_command import expected
 
 ROOT = Path(__file__).parents[4]
 PAGE = ROOT / "docs/howto/shrink.md"
@@ -22,10 +21,6 @@ SOURCE = "sim:tiny?fault=darkness:factor=0.02,from_s=1"
 FIRST_DARK = 33
 """The darkness begins at 1 s of a video of 33 1/3 frames per second, whose frames include those of the pairs."""
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
-
-
-def expected(folder: Path) -> Expected:
-    return msgspec.convert(json.loads((folder / EXPECTED).read_text()), Expected)
 
 
 def blocks(language: str) -> list[str]:

@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.engine.options import SourceOptions
 from ispom_app.features.simulated_sensors.commands import RunWithSensors, simulated_sensors
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
 from ispom.simulation.scenario.scenario import scenario_of_words, with_sensors
-from ispom.types import Sequence
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import open_source, started, wait_for
 
 SOURCE = "sim:tiny?duration_s=0.5&motion=drive&sensor=gnss:rate_hz=10&sensor=wheel"
 
@@ -31,13 +29,9 @@ def test_an_address_takes_other_sensors():
     assert scenario_of_words(with_sensors(words, ())) == replace(before, sensors=())
 
 
-def opened(source: str, options: SourceOptions | None = None) -> Sequence:
-    return (options or SourceOptions()).open(source)
-
-
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
-    found = started(tmp_path, SOURCE, autoplay=False, opener=opened)
+    found = started(tmp_path, SOURCE, autoplay=False, opener=open_source)
     wait_for(lambda: found.opened, "the source")
     yield found
     found.close(5)

@@ -6,17 +6,10 @@ from ispom_app.session.current_run import CurrentRun
 
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import build_full, run_to_end
 
 
 @pytest.fixture(scope="module")
 def run() -> CurrentRun:
     """Says all that a run can say."""
-    playback = Playback(
-        doubles.sequence(40),
-        METHODS,
-        builder=lambda config, methods, rig: doubles.ensemble(methods, doubles.FullEstimator),
-    )
-    found = CurrentRun(playback, 10**9)
-    while not playback.done:
-        found.step()
-    return found
+    return run_to_end(Playback(doubles.sequence(40), METHODS, builder=build_full))

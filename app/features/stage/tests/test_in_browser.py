@@ -26,6 +26,7 @@ from ispom.geometry import Similarity
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import build_full
 from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, app, browser, launched_on  # noqa: F401 - fixtures
 from tests.app.page.test_stage import SEQUENCE, seek, world_share
 
@@ -47,11 +48,7 @@ def is_complaining(page: Page) -> bool:
 @pytest.fixture
 def single(tmp_path: Path) -> Iterator[App]:
     """A recording of one camera whose unit is not the shared one, and which is lost now and then."""
-    run = Playback(
-        doubles.sequence(40),
-        ("monocular",),
-        builder=lambda config, methods, rig: doubles.ensemble(methods, doubles.FullEstimator),
-    )
+    run = Playback(doubles.sequence(40), ("monocular",), builder=build_full)
     with FileRecording(tmp_path / "run.rrd", run.opened) as file:
         while not run.done:
             file.write(replace(run.step(), placements={"monocular": Similarity(2.5)}))

@@ -14,6 +14,7 @@ from ispom_app.views.rerun import entities
 from ispom.errors import InputError
 from ispom.geometry import Similarity
 from ispom.sequences.formats.simulated import open_simulated
+from tests.app.helpers import run_to_end
 
 AWAY = (float("nan"),) * 3
 
@@ -113,7 +114,4 @@ def test_a_point_of_a_method_without_tracks_of_its_own_selects_the_track_that_se
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> CurrentRun:
     flight = open_simulated("tiny", seed=0, cache_dir=tmp_path_factory.mktemp("rendered"), duration_s=1.0)
-    run = CurrentRun(Playback(flight, ("integrated",)), 10**9)
-    while not run.done:
-        run.step()
-    return run
+    return run_to_end(Playback(flight, ("integrated",)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -13,12 +12,8 @@ from ispom_app.features.transport.panel import MOVES, OTHER, SPEEDS, TransportPa
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
 
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield found
-    found.stop()
+from tests.app.gui import Gui
+from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
 
 @pytest.fixture
@@ -27,22 +22,23 @@ def session() -> Any:
     return SimpleNamespace(state=State("double:9"), asked=asked, post=asked.append)
 
 
-def test_speeds_go_both_ways_and_one_of_another_kind_is_named(server: viser.ViserServer, session: Any) -> None:
-    panel = TransportPanel(server.gui, session)
+def test_speeds_go_both_ways_and_one_of_another_kind_is_named(server: viser.ViserServer, session: Any) -> None:  # noqa: F811
+    gui: Any = Gui(server)
+    panel, speed = TransportPanel(gui, session), gui.labelled("speed")
     for factor in (2.0, None, 0.3):
         session.state = replace(session.state, speed=factor)
         panel.show(session.state)
-    assert panel._speed.value == OTHER and not session.asked, "showing asks for nothing"
-    panel._speed.value = "4 ×"
+    assert speed.value == OTHER and not session.asked, "showing asks for nothing"
+    speed.value = "4 ×"
     assert session.asked == [do.Speed(4.0)]
 
 
-def test_the_button_says_what_a_click_does(server: viser.ViserServer, session: Any) -> None:
-    panel = TransportPanel(server.gui, session)
-    labels = []
+def test_the_button_says_what_a_click_does(server: viser.ViserServer, session: Any) -> None:  # noqa: F811
+    gui: Any = Gui(server)
+    panel, labels = TransportPanel(gui, session), []
     for playing in (True, False):
         panel.show(replace(session.state, playing=playing))
-        labels.append(panel._play.label)
+        labels.append(gui.every("button")[0].label)
     assert labels == ["Pause", "Play"]
 
 

@@ -46,7 +46,7 @@ def test_a_mistake_is_one_sentence(path: Path, tmp_path: Path, flag: str) -> Non
 
 
 def test_one_name_for_two_files_is_refused(path: Path) -> None:
-    with pytest.raises(InputError, match="as another trajectory is called"):
+    with pytest.raises(InputError, match="another trajectory"):
         read_options([f"orb={path}", f"ORB={path}"], [])
 
 

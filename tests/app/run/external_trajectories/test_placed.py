@@ -39,7 +39,7 @@ def test_another_world_is_aligned_to_the_ground_truth(tmp_path: Path) -> None:
     assert_allclose(found.rotations, truth().rotations, atol=1e-6)
     assert ate_m(placed) < 1e-6 and not found.missing(40)
     assert placed.error(truth(), SEQUENCE.rig, int(SEQUENCE.times_ns[1])) is None, "two poses fix no alignment"
-    assert "aligned to the ground truth by se3" in found.alignment and f"({len(SEQUENCE)} poses)" in found.alignment
+    assert "ground truth by se3" in found.alignment and f"({len(SEQUENCE)} poses)" in found.alignment
 
 
 def test_another_unit_needs_sim3_and_its_scale_is_stated(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_another_unit_needs_sim3_and_its_scale_is_stated(tmp_path: Path) -> None
 def test_poses_of_a_camera_are_carried_to_the_rig(tmp_path: Path) -> None:
     left = elsewhere(SEQUENCE, right=SEQUENCE.rig.rig_from_left)
     found = external(SEQUENCE, written(tmp_path / "a.tum", left), "a:left")
-    assert found.of_truth is not None and "poses of the left camera" in found.of_truth.alignment
+    assert found.of_truth is not None and "left camera" in found.of_truth.alignment
     assert ate_m(found) < 1e-6
 
 
@@ -90,12 +90,12 @@ def test_rows_of_a_kitti_file_are_the_images(tmp_path: Path) -> None:
     for name in ("all.txt", "video.txt"):
         assert ate_m(external(SEQUENCE, tmp_path / name)) < 1e-3
     np.savetxt(tmp_path / "some.txt", rows[:30])
-    with pytest.raises(InputError, match=r"has 30 rows without times, and double 66 images"):
+    with pytest.raises(InputError, match=r"30 rows .*66 images"):
         external(SEQUENCE, tmp_path / "some.txt")
 
 
 def test_a_trajectory_of_another_recording_is_refused(tmp_path: Path) -> None:
     poses = elsewhere(SEQUENCE)
     later = replace(poses, times_ns=poses.times_ns + 10**12)
-    with pytest.raises(InputError, match="none in common with those of double"):
+    with pytest.raises(InputError, match="in common"):
         external(SEQUENCE, written(tmp_path / "a.tum", later))

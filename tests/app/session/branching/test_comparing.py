@@ -24,7 +24,7 @@ from ispom.methods import Config
 from ispom.types import Measurement, Rig, Step
 from tests import doubles
 from tests.alone import METHODS
-from tests.app.helpers import started, wait_for
+from tests.app.helpers import paused_session, wait_for
 
 FORK, PLANTED = 21, 30
 
@@ -50,12 +50,10 @@ def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
 
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
-    found = started(tmp_path, "double:40", builder=build, autoplay=False)
-    wait_for(lambda: found.state.phase == "ready", "opening")
-    found.post(do.Seek(43))
-    wait_for(lambda: found.state.computed == 44, "the run")
-    yield found
-    assert found.close(5.0)
+    with paused_session(tmp_path, "double:40", builder=build) as found:
+        found.post(do.Seek(43))
+        wait_for(lambda: found.state.computed == 44, "the run")
+        yield found
 
 
 def forked(session: Session, config: Config) -> None:

@@ -70,7 +70,7 @@ def test_what_would_answer_an_open_question_is_refused(session: Session):
         do.Open("double:4"),
         RunUntil("exposure > 9"),
     ):
-        assert refused(session, command).startswith("a question of the lesson is open")
+        assert "question" in refused(session, command)
     session.post(do.Seek(2))
     wait_for(lambda: session.state.index == 2, "a look back")
     assert session.state.computed == 6 and session.state[Layers].hidden == frozenset({"truth"})
@@ -134,7 +134,7 @@ def test_the_right_tracks_are_those_of_the_picture_for_which_the_condition_holds
 def test_what_cannot_be_computed_is_reported_and_the_question_stays_open(session: Session):
     session.post(Learn("stand-ins", 4))
     at(session, 4, "asking")
-    assert "stereo.paper says nothing of the clock" in refused(session, Reveal())
+    assert "stereo.paper" in refused(session, Reveal())
     assert at(session, 4, "asking").revealed is None
 
 
@@ -151,6 +151,6 @@ def test_the_run_before_a_lesson_stays_in_the_table_and_those_of_its_steps_do_no
 
 
 def test_an_unknown_lesson_or_step_is_reported(session: Session):
-    assert "there is no lesson 'none'" in refused(session, Learn("none"))
-    assert "has 5 steps: there is no step 9" in refused(session, Learn("stand-ins", 8))
+    assert "no lesson 'none'" in refused(session, Learn("none"))
+    assert "no step 9" in refused(session, Learn("stand-ins", 8))
     assert session.state[Lessons].now is None

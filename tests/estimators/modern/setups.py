@@ -1,6 +1,8 @@
-"""What the modern monocular estimator is set up with, for tests of its parts."""
+"""What modern estimators are set up with, for tests of their parts."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -28,3 +30,8 @@ def monocular_setup(camera: Camera) -> Setup:
         follow="static",
         front_end=front_end("klt"),
     )
+
+
+def setup_of(estimator: Any) -> Any:
+    """What a modern estimator hands to its parts. It is no public part of it, and tests take it out here alone."""
+    return estimator._setup
