@@ -53,7 +53,7 @@ def offered(opened: Opened, methods: Iterable[str]) -> tuple[str, ...]:
     if opened.map is None:
         missing.add("map")
     if WITHOUT_LINES.issuperset(name.removesuffix(".paper") for name in methods):
-        missing.add("lines")
+        missing.add("overlay")
     return tuple(layer for layer in LAYERS if layer not in missing)
 
 

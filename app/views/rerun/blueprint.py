@@ -195,13 +195,15 @@ def _hidden_entities(
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
         "depth": [f"world/{m}/depth" for m in methods],
-        "lines": [f"world/{m}/lines" for m in methods],
+        "overlay": [f"world/{m}/lines" for m in methods],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
     images = {name: [*_hidden_in_image(name, hidden, colour_by, has_legend)] for name in IMAGES}
     roots = sorted({image_root(name) for name in cameras} - images.keys())
-    images |= {root: [f"{root}/{layer}" for layer in IMAGE_LAYERS if layer in hidden] for root in roots}
+    images |= {
+        root: [f"{root}/{entity}" for layer, entity in IMAGE_LAYERS.items() if layer in hidden] for root in roots
+    }
     unplotted = [*methods, "beside"] if MEASURES in hidden else gone + others
     texts = ["decisions", "log"] if MEASURES in hidden else []
     return (
@@ -217,9 +219,9 @@ def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring,
     therefore the words of the legends by themselves."""
     by_state = {"tracks"} if colour_by != "state" else set()
     if camera == "right":
-        yield from (f"right/{layer}" for layer in ("tracks", "lines") if layer in hidden)
+        yield from (f"right/{IMAGE_LAYERS[layer]}" for layer in ("tracks", "overlay") if layer in hidden)
         return
-    yield from (f"{camera}/{layer}" for layer in IMAGE_LAYERS if layer in by_state.union(hidden))
+    yield from (f"{camera}/{entity}" for layer, entity in IMAGE_LAYERS.items() if layer in by_state.union(hidden))
     yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)
     for by in ("state", *SCALES):
         if not has_legend or by != colour_by:

@@ -16,7 +16,7 @@ LAYERS = {
     "moving": "moving objects",
     "trails": "trails of tracks",
     "disparity": "disparity",
-    "lines": "lines, flow and tags",
+    "overlay": "lines, flow and tags",
 }
 HINTS = {
     "truth": "The ground truth of the whole recording, and the rig where it truly is at the frame shown.",
@@ -33,11 +33,12 @@ HINTS = {
     "tracks": "The tracks of the frame on its image, coloured as chosen under Look.",
     "moving": "Tracks on a second rigid motion, such as a car, on their image.",
     "trails": "Where the tracks were in the last ten frames.",
-    "lines": "What a method draws besides its tracks: line segments in the colours of their directions, flow, tags.",
+    "overlay": "What a method draws besides its tracks: line segments in the colours of their directions, flow, tags.",
     "disparity": "From each point of the left image to its place in the right one [px].",
 }
 OPTIONAL = frozenset({"depth"})
 """Layers that are drawn only when a person chooses them: they cost time."""
 MEASURES = "measures"
 """Of no layer: all plots and texts, which a lesson hides."""
-IMAGE_LAYERS = ("tracks", "moving", "trails", "disparity", "lines")
+IMAGE_LAYERS = {layer: layer for layer in ("tracks", "moving", "trails", "disparity")} | {"overlay": "lines"}
+"""By layer: the name of its entity below that of an image. A layer never has the name of a method."""

@@ -128,8 +128,8 @@ def test_the_view_lists_the_methods_that_run(server: viser.ViserServer):
     gui: Any = Gui(server)
     panel = ViewPanel(gui, session)
     panel.show(state)
-    assert [m for m in names() if m not in LAYERS and box(gui, m).visible] == ["stereo"]
+    assert [m for m in names() if box(gui, m).visible] == ["stereo", "lines"] and not LAYERS.keys() & set(names())
     assert all(label(m) in gui.text for m in state.methods)
     assert label("monocular") not in gui.text
-    assert gui.labelled(LAYERS["disparity"]).visible and gui.labelled(LAYERS["lines"]).visible
+    assert gui.labelled(LAYERS["disparity"]).visible and gui.labelled(LAYERS["overlay"]).visible
     assert not any(gui.labelled(LAYERS[layer]).visible for layer in ("truth", "error", "beside", "map"))
