@@ -25,11 +25,11 @@ from .review.recorded_tracks import RecordedViews
 from .review.stored import Stored
 
 EXPOSURES_SHARE, STATES_SHARE = 0.1, 0.1
-"""Of its memory: for the newest frames, which are on disk as well and from there take a millisecond, and for states
-to fork from. The rest is for what no count of arrays shows: what is known of all poses and points, the objects around
+"""Shares of a run's memory for the newest frames, which are on disk as well and take a millisecond from there, and for
+states to fork from. The rest is for what no count of arrays shows: all poses and points so far, the objects around
 them, and what the allocator keeps for itself."""
 REST_SHARE = 16
-"""Of its memory, a run that is not on the screen keeps one part in so many."""
+"""Factor by which the memory of a run is reduced while it is not on the screen."""
 
 
 class CurrentRun:

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 
 USUAL = 3.0
-"""Paths that are further from each other than so many usual walks of noise are apart."""
+"""Paths are apart where their distance exceeds this multiple of the usual random walk of noise."""
 LASTING = 5
-"""Frames, at least, for which they stay apart: one wrong pose is no other path,"""
+"""Least number of frames for which paths must stay apart: one wrong pose is no other path."""
 LASTING_SHARE = 0.05
-"""and at least this share of the common frames."""
+"""Least share of the common frames for which paths must stay apart."""
 FIRST_STEPS = 10
 """Steps at the beginning whose length defines the scale of a method without a metric unit."""
 ROUNDING = 1e-9

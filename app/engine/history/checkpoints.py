@@ -17,7 +17,7 @@ from ..model.run_model import RunModel, Tally
 from ..playback import Snapshot
 
 INTERVAL = 8
-"""Frames from one to the next at first: so many are replayed at most."""
+"""Frames from one checkpoint to the next at first. At most as many are replayed to reach a frame."""
 
 
 @dataclass(frozen=True, eq=False)

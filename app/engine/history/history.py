@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 MEMORY_BYTES = 200_000_000
 DISK_BYTES = 8_000_000_000
 SEGMENTS = 16
-"""Of so many pieces of the disk's budget, the oldest is given up when it is used up."""
+"""Number of pieces of the disk's budget. When the budget is used up, the oldest piece is discarded."""
 
 
 class Records(Protocol):

@@ -129,5 +129,5 @@ def _points(views: list[Seen]) -> Array:
 
 
 def _spread(count: int) -> NDArray[np.int64]:
-    """Up to MOST_POINTS places of so many."""
+    """Returns up to MOST_POINTS indices, spread evenly over `count` points."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(MOST_POINTS, count)).astype(int))

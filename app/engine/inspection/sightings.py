@@ -110,7 +110,7 @@ def missing_tracks(record: ExposureRecord, unavailable: str = "", recorded: bool
 def seen_before(
     records: Records, index: int, method: str = "", camera: str = "", most: int = SEARCHED
 ) -> Iterator[Seen]:
-    """The same of frame `index` and, newest first, those before it: of at most so many frames."""
+    """Yields what `seen_by` returns for frame `index` and the frames before it, newest first: `most` frames at most."""
     for i in range(index, max(index - most, -1), -1):
         if (found := seen_by(records[i], method, camera)) is not None:
             yield found

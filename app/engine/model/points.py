@@ -14,7 +14,7 @@ POINTS_PER_BLOCK = 1000
 NEW_PER_STEP = 400
 """Of more new points in one step, a thinned map takes every n-th."""
 HALVED_EVERY = 20_000
-"""With each so many points, a thinned map takes half as many of the new ones."""
+"""Number of points after which a thinned map takes half as many of the new ones, and after as many again a quarter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,5 +96,5 @@ def _empty(kind: type) -> PointBlock:
 
 
 def _grown(array: np.ndarray, size: int) -> np.ndarray:
-    """A copy with room for so many rows."""
+    """Returns a copy with `size` rows; those without a value are 0."""
     return np.concatenate([array, np.zeros((size - len(array), *array.shape[1:]), array.dtype)])

@@ -28,7 +28,7 @@ from scipy.stats import norm, t, wilcoxon
 from ispom.geometry import Array
 
 MOST_EXACT = 50
-"""Up to so many pairs the distribution of the statistic is computed exactly; above, by its normal limit."""
+"""Most pairs with which the distribution of the statistic is computed exactly; with more, its normal limit is used."""
 FAILED = 50.0
 """Value of a pair that gave a result before and none after: beyond the logarithm of every ratio of errors."""
 HALVINGS = 48

@@ -76,8 +76,9 @@ class StageWriter:
         self._rows = sorted(rows, key=lambda row: row[0])
 
     def fitting(self, most_bytes: float, beside: Callable[[Stage], int]) -> Stage:
-        """The stage with the best images among CHOICES whose file has at most so many bytes, together with what is said
-        of it elsewhere, in bytes. InputError where it is larger without any image."""
+        """Returns the stage with the best images among CHOICES with which its file takes at most `most_bytes`; that
+        includes what other files say of it: `beside` gives their bytes. InputError where the stage without any image is
+        larger."""
 
         def fits(stage: Stage) -> bool:
             return len(stage.content) + beside(stage) <= most_bytes

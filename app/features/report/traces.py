@@ -29,7 +29,7 @@ class Figure:
 
 
 def points_per_line(runs: int) -> int:
-    """How many points a line may have in a page of so many runs."""
+    """Returns the most points that a line may have in a page of `runs` runs."""
     return max(100, min(MAX_POINTS, ALL_POINTS // runs))
 
 
@@ -59,7 +59,7 @@ def thinned(
     dash: str = "solid",
     peaks: bool = True,
 ) -> dict[str, Any]:
-    """A line of at most so many points, whose peaks stay; without `peaks`, thinned evenly."""
+    """Returns a line of at most `most` points that keeps the peaks; without `peaks`, it is thinned evenly."""
     if len(values) > most:
         parts = np.array_split(np.arange(len(values)), most)
         index = np.array([part[np.argmax(values[part])] if peaks else part[0] for part in parts])

@@ -30,9 +30,9 @@ JPEG_QUALITY = 80
 SHOWN_PX = 640 * 480
 """Larger images are shown, and kept, at about this many pixels."""
 MOST_MARKERS = 600
-"""Of an image's tracks, so many are drawn at most, spread evenly: more hide the image. The counts are of all."""
+"""Most tracks that are drawn in an image, spread evenly over it: more would hide it. Counts are of all tracks."""
 CELLS = (16, 12)
-"""Over the image, by which they are spread."""
+"""Columns and rows of the parts of an image over which the drawn tracks are spread."""
 INK: colours.Rgb = (128, 128, 128)
 """Of the words in a legend: they can be read on a dark viewer and on a light one."""
 LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
@@ -127,8 +127,8 @@ def statuses() -> rr.AnnotationContext:
 
 
 def thinned(tracks: Tracks, camera: Camera) -> Tracks:
-    """At most MOST_MARKERS of them, the same number in every part of the image where there are so many; of those in one
-    part the longest known, so that they stay from one frame to the next."""
+    """Returns at most MOST_MARKERS tracks: the same number in each part of the image, as far as it has enough. In each
+    part these are the oldest tracks, so that the same ones are drawn from frame to frame."""
     if len(tracks) <= MOST_MARKERS:
         return tracks
     places = np.nan_to_num(tracks.uv) / [camera.width, camera.height]

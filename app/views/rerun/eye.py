@@ -16,7 +16,7 @@ FOV_RAD = np.radians(55.0)
 ROOM = 1.25
 """Distance of the eye, relative to the least at which all is visible."""
 MOST_POINTS = 500
-"""Of a path, so many decide at most."""
+"""About the number of points of a path from which the eye's distance is computed."""
 UP = np.array([0.0, -1.0, 0.0])
 FROM_THE_SIDE_RAD = np.radians(50.0)
 """Between the path's main direction and the view, seen from above."""

@@ -64,8 +64,9 @@ class Tape:
         expected: Callable[[], int] = lambda: 0,
         request: Callable[[int], None] = lambda _: None,
     ) -> None:
-        """`kinds` are those of the frames, `expected` so many are known already, and `request` asks for the images of
-        one. OSError where `folder` (by default the user's cache) cannot be written."""
+        """`kinds` returns the kinds of the frames, `expected` the number of frames that are known already, and
+        `request` requests the images of a frame. OSError where `folder` (by default the user's cache) cannot be
+        written."""
         self.run, self.recording_id = uuid4().hex, recording_id
         self.overlay = Overlay()
         self._kinds, self._expected, self._request = kinds, expected, request

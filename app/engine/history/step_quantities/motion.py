@@ -12,7 +12,7 @@ POSITION, ORIENTATION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
 WAY = ("way_x", "way_y", "way_z")
 """Keys of the mean step as a vector: far shorter than `moved_usual` where a pose only trembles about its place."""
 USUAL_STEPS = 10.0
-"""Over about so many steps the usual one is an exponential mean."""
+"""The usual step is an exponential mean over about this number of steps."""
 
 
 def _same_moment(before: Values, now: Values) -> bool:

@@ -116,9 +116,9 @@ SEGMENT = EventKind(
 
 
 JUMP_RATIO = 5
-"""A step so many times as long as the usual one, and the one before it, is a jump,"""
+"""A jump is a step longer than this multiple of the usual step, and of the step before it."""
 JUMP_SIGMAS = 3
-"""if it is so many times its standard deviation, where that is known."""
+"""A jump is also longer than this many of its standard deviations, where they are known."""
 AT_REST = 0.35
 """The length of the mean step, relative to the mean length of steps, below which a pose trembles about its place: its
 usual step is noise, and the first step of a drive is many times as long. From 5 steps on a straight way gives more."""
