@@ -58,8 +58,8 @@ class Sights:
         most: int = MOST_TRACKS,
         lens: LensCorrection | None = None,
     ) -> None:
-        """`sigma`: standard deviation of a normalised coordinate. Of at most so many tracks, only those `among` these
-        ids, where given. `lens`: what is wrong with the calibration."""
+        """`sigma`: standard deviation of a normalised coordinate. `most`: largest number of tracks, those with the most
+        views. `among`: ids of tracks to which they are restricted. `lens`: correction of the calibration."""
         ids = np.concatenate([n.points.ids for n in nodes])
         points = [n.points if lens is None else n.points.corrected(lens) for n in nodes]
         xy = np.concatenate([each.xy for each in points]).astype(float)

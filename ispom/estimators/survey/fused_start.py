@@ -30,7 +30,7 @@ CERTAIN_UNIT = 1e-4
 and this only keeps equations solvable."""
 FEWEST_FIXES = 4
 SPREAD = 10.0
-"""The way of the fixes must be so many of their standard deviations."""
+"""Least distance of a fix from the first one, in standard deviations of the fixes."""
 WHEEL_WAY_M = 1.0
 """Way of the wheels or scans that gives the scale."""
 INERTIAL_S = 2.5
@@ -41,7 +41,7 @@ GRAVITY_OFF = 0.15
 """Share by which its gravity may differ from 9.81 m/s^2."""
 
 REST_S, REST_PX, FEWEST_RESTING = 1.0, 1.0, 8
-"""A rig stands where at least so many points moved by less than this within this time."""
+"""A rig stands where points moved by at most REST_PX (median) within REST_S; at least FEWEST_RESTING must be seen."""
 
 
 @dataclass(frozen=True, eq=False)

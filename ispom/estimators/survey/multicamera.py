@@ -98,7 +98,8 @@ MOST_SIGMA = 100.0
 """What is reported of a scale that nothing determines."""
 
 CONTRADICTED, KNOWN_CONTRADICTED = 3.0, 5.0
-"""A guessed scale, or one that was known, that is so many standard deviations off is found anew."""
+"""Standard deviations by which images must contradict a scale before it is estimated again: of a guessed scale, and of
+one that was known."""
 ROUGHLY = 2.0
 """Multiple of `max_scale_sigma` up to which images may contradict a scale."""
 SETTLING = 5

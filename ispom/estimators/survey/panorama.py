@@ -143,7 +143,8 @@ class PanoramaConfig:
     key_angle: Annotated[float, Range(0.05, 0.6)] = 0.25
     """A view farther from all key images than this share of the smaller field of view becomes one."""
     max_key_images: Annotated[int, Range(2, 400)] = 100
-    """The panorama grows no further; a full turn with a usual lens has 30. Of a reference, so many images are used."""
+    """Most key images of a panorama, and most images that are used of a reference. A full turn with a usual lens has
+    30 key images."""
     min_rotation_share: Annotated[float, Range(0.1, 1)] = 0.7
     """Share of the matches of a rigid motion that a rotation must explain, or the camera is said to translate."""
     max_gap_deg: Annotated[float, Range(0.05, 45)] = 2.0

@@ -81,7 +81,7 @@ FIXED_KEYFRAMES = 2
 ITERATIONS = 10
 """Of a bundle adjustment, at most."""
 THIN = 4
-"""With fewer inliers than so many times the least number each frame is a keyframe, as the map needs points."""
+"""Multiple of `min_inliers` below which the inliers are few: each frame is a keyframe then, as the map needs points."""
 LOSS_FACTOR = 3.0
 """Width of the loss over the standard deviation of a feature's position: 0.5 px at 1.5 px."""
 MIN_DISTANCE_PX = 4.0

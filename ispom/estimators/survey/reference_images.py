@@ -56,7 +56,7 @@ class View:
 
     @staticmethod
     def of(grey: Image, camera: Camera, descriptor: Descriptor, most: int) -> View:
-        """Returns at most so many features of an image, those with a ray."""
+        """Returns at most `most` features of an image, without those that have no ray."""
         features = descriptor.detect_and_describe(grey, most).compact()
         features = features[np.arange(min(len(features), most))]
         rays, valid = camera.unproject(features.uv.astype(float))

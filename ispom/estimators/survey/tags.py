@@ -569,7 +569,7 @@ def _same(some: tuple[Tag, ...], others: tuple[Tag, ...]) -> bool:
 
 
 def _thinned(views: tuple[View, ...], most: int) -> tuple[View, ...]:
-    """Returns at most so many views: of two near ones, the older goes."""
+    """Returns at most `most` views: of the two nearest ones, the older is discarded."""
     while len(views) > most:
         poses = [view.camera_from_world for view in views]
         distances = [float(np.linalg.norm((a @ b.inverse()).log())) for a, b in pairwise(poses)]

@@ -33,7 +33,7 @@ GROUPS = (
 )  # fmt: skip
 """What may be wrong, together: of the lens, the pair, the mount and the clock."""
 SURE = 4.0
-"""Numbers are wrong where they differ from what is stated by so many standard deviations (root mean square of a group).
+"""A group is wrong where its numbers differ from the stated ones by this many standard deviations (root mean square).
 By chance none of ten groups does in one of a thousand recordings, and errors that tracks of one place share reach
 three. With all numbers free, each is known so badly that a rerun is worse than the run, whatever was wrong."""
 TRIAL = 3

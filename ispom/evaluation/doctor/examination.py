@@ -126,7 +126,7 @@ def halvings(side_px: int) -> int:
 
 
 def grey(image: Image, times: int) -> Image:
-    """Returns the image in grey, halved so many times."""
+    """Returns the image in grey, with its width and height halved `times` times."""
     made = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     for _ in range(times):
         size = (round(made.shape[1] / 2), round(made.shape[0] / 2))

@@ -33,7 +33,7 @@ class Chunk:
     first: int
     """Number of its first frame among those of the main camera."""
     fresh: int
-    """Its first so many frames begin pairs; those of the others are in the next chunk."""
+    """Number of its first frames that begin pairs. Pairs that begin at later frames are in the next chunk."""
     x: Array
     """(P, F, 2) in normalised coordinates; NaN where a corner is not seen."""
     pixel: float

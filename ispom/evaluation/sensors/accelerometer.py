@@ -38,7 +38,7 @@ GRAVITY_SIGMA = 0.03
 INTERVAL_S = 0.4
 """Mean velocities are those over at least this time: an error of 1 cm then is one of 0.1 m/s^2."""
 SAMPLES = 24
-"""Accelerations of so many times are summed in each triangle."""
+"""Number of times whose accelerations are summed in each triangle."""
 AS_GOOD = 10.0
 """Difference of losses from which on another sign of the forces is better: e^10 times as likely."""
 TILT_UPRIGHT = 0.5

@@ -13,10 +13,10 @@ from ispom.geometry import Array
 from .fit import Fit, HeldOut, fitted, held_out, loss
 
 SURE = 4.0
-"""A number is wrong where it is so many standard deviations from what is stated: they come from ten groups, and several
-numbers of each recording are looked at."""
+"""Standard deviations by which a number must differ from the stated one to be wrong: they come from ten groups, and
+several numbers of each recording are tested."""
 SUSPICIOUS = 2.5
-"""From so many on it cannot be told."""
+"""Standard deviations of the difference from which on the verdict is "cannot tell"."""
 LEAST_GAIN = 0.02
 """Share of the loss of held-out groups that a wrong number must explain."""
 LEAST_NATS = 6.0

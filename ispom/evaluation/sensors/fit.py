@@ -15,7 +15,7 @@ GROUPS = 10
 """Consecutive stretches of the recording; each is left out once. They are long against the time over which the errors
 of images are alike, and enough to tell how much an estimate scatters (by a quarter)."""
 WIDTH = 2.5
-"""Residuals of so many standard deviations count half: an image whose motion is wrong must not decide."""
+"""Residual [standard deviations] whose weight is half: an image whose motion is wrong must not decide."""
 ITERATIONS, TRIES = 20, 4
 """Steps of a fit, and halvings of a step that does not lower the cost."""
 CONVERGED = 1e-3

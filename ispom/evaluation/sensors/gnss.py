@@ -24,8 +24,8 @@ true ones, where the images are metric, else of the unit of the images."""
 STEPS = np.array([0.01, 0.01, 0.01, 0.01, 1e-3])
 WIDEST = np.array([2.0, 5.0, 5.0, 5.0, 10.0])
 PIECE_S, PIECE_FIXES = 40.0, 8
-"""A piece lasts so long, and has so many fixes at least: pairs of cameras drift by 1 m in 100 m, and less in a piece
-once that is laid onto the fixes."""
+"""Least duration of a piece of the path [s], and its least number of fixes: pairs of cameras drift by 1 m in 100 m, and
+less in a piece that is aligned with the fixes."""
 TILT_UPRIGHT, TILT_MEASURED = 0.3, 0.03
 """Standard deviations of up in the world of the images [rad]: of cameras that a person or a vehicle holds upright, and
 by the accelerometer."""

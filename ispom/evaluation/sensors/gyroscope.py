@@ -36,7 +36,7 @@ SUBSTEP_S = 0.02
 MOST_SUBSTEPS = 40
 """Long intervals are those of slow motions."""
 LATEST_S, OFFSETS = 1.0, 201
-"""Clock offsets from which a fit starts are looked for up to this [s], in so many steps."""
+"""Largest clock offset from which a fit starts [s], and the number of offsets that are tried."""
 AS_GOOD = 1.05
 """Of several fits, one nearer to what is stated is preferred unless its loss is larger by this factor: what the motion
 does not show stays as stated, and a motion that repeats itself fits at each period."""

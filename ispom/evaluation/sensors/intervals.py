@@ -19,7 +19,7 @@ longest one, the clock does not show."""
 OVERLAP = 4
 """Longer intervals than the first begin so often within their length."""
 MOST_S = 2.5
-"""An interval longer than so many usual ones contains a gap."""
+"""Multiple of the usual interval above which an interval contains a gap."""
 
 
 def length_s(times_s: Array, rates: Array) -> tuple[float, float]:

@@ -39,7 +39,7 @@ UNKNOWN_RAD = 3.0
 WORST_SCALE = 0.1
 """Standard deviation of the logarithm of a scale by the accelerometer with which lengths are compared."""
 ALIKE = 3.0
-"""Two factors are the same within so many standard deviations."""
+"""Two factors are the same where they differ by at most this many standard deviations."""
 UNITS: Mapping[str, Mapping[float, str]] = {
     "gyroscope": {180 / np.pi: "degrees per second", np.pi / 180: "radians per second divided by 57.3"},
     "accelerometer": FORCE_UNITS,

@@ -47,7 +47,7 @@ class SensorScene:
         return SensorScene(rig, Path.of(moved, origin_ns, True), origin_ns, metric, readings, used)
 
     def scaled(self, metres: float) -> SensorScene:
-        """Returns the scene in metres, of a path of the video camera whose unit has so many."""
+        """Returns the scene in metres. `metres`: length of the unit of the video camera's path."""
         video, (path, turned) = self.rig.rig_from("video"), (self.path, self.path.rotations)
         assert turned is not None
         positions = metres * path.positions + turned @ video.rotation @ video.inverse().translation

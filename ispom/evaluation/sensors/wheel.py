@@ -22,7 +22,7 @@ minus stated, along the stated axes [m]; logarithms of the measured way and rota
 STEPS = np.array([5e-3, 1e-3, 0.01, 0.01, 1e-3, 1e-3])
 WIDEST = np.array([2.0, 3.0, 5.0, 5.0, 10.0, 10.0])
 LEAST_S, FEWEST = 0.3, 20
-"""Ways are compared over at least this time, in at least so many intervals."""
+"""Least duration [s] of the intervals over which ways are compared, and the least number of intervals."""
 MOST = 2000
 LATEST_S, OFFSETS = 1.0, 41
 AS_GOOD = 10.0

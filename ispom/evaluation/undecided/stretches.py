@@ -54,8 +54,8 @@ def of_recording(
     skip: int = 0,
     most: int | None = None,
 ) -> Iterator[Answer]:
-    """Yields the answer for each stretch of so many seconds, which begin `step_s` apart: without the first `skip`, and
-    `most` at most.
+    """Yields the answer for each stretch of `seconds`. Stretches begin every `step_s`. The first `skip` are skipped; at
+    most `most` follow.
 
     Raises InputError where an image is unreadable. `advance` is called after each measurement that was read, and may
     raise to end the work.

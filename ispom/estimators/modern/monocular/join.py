@@ -50,8 +50,8 @@ from ispom.types import Decision, Step, Trajectory
 VIEWS = 2
 """Number of keyframes that must agree: each has many points, and they differ in what they see."""
 EVERY = 4
-"""Where so many keyframes matched no earlier one, only one in so many is compared: describing one takes as long as
-tracking ten frames, and a place stays in sight for several."""
+"""After this number of keyframes that matched no earlier one, only every EVERY-th keyframe is compared: describing one
+takes as long as tracking ten frames, and a place stays in view for several keyframes."""
 KEPT = 12
 """Number of the last measured similarities that are compared."""
 AGREEING_DEPTHS, AGREEING_RAD = 0.1, float(np.radians(2.0))

@@ -37,7 +37,7 @@ REACH = 0.012
 """Corners are lost at an edge within this, relative to the image's width: half of their window at
 640 px."""
 BESIDE = 3
-"""Corners beside an edge are within so many times that reach."""
+"""Multiple of REACH within which corners are next to an edge."""
 MORE_OFTEN = 1.5
 """Corners are lost at edges that stay more often than beside them and elsewhere by this factor, or nothing is there:
 1.8 to 3.9 at drops; up to 0.8 without."""

@@ -25,7 +25,7 @@ LEAST_POINTS = 30
 MOST_SPREAD_PX = 1.5
 """Where the matches scatter by more, they are false, or the calibration is wrong in other ways: nothing is said."""
 CLIP, ROUNDS = 4.0, 3
-"""Matches that are off by so many standard deviations are left out, in so many rounds."""
+"""Residual of a match, in standard deviations, from which on it is discarded; number of rounds that discard matches."""
 PREFERRED = 9.0
 """Twice the difference of the logarithms of the likelihoods from which on a model is preferred: 3 sigma."""
 

@@ -14,16 +14,16 @@ from ..examination import Examination
 from ..finding import Finding, Suspect
 
 GROWS = 0.03
-"""Logarithm of the growth from which on it is a jump,"""
+"""Least logarithm of the growth of the image between two frames that is a jump."""
 ALONE = 5.0
-"""where it is so many times that between any other two frames,"""
+"""A jump is at least this multiple of the growth between any other two frames."""
 EVEN = 4.0
-"""and so many times its spread over the image."""
+"""A jump is at least this multiple of the scatter of the growth over the image."""
 LEAST_CORNERS, PAIRS, APART = 30, 600, 0.12
 """Corners, pairs of them, and their distance relative to the image's width, so that they tell the growth."""
 LEAST_STEPS = 8
 EVEN_TIMES = 1.5
-"""Intervals longer than so many usual ones are gaps: the camera has moved meanwhile."""
+"""Multiple of the usual interval above which an interval is a gap: the camera has moved meanwhile."""
 
 
 def zoom_jumps(seen: Examination) -> Finding | None:
