@@ -155,7 +155,7 @@ def _over_segments(parts: list[dict[str, Any]]) -> float | None:
 
 
 def _rounded(value: float, digits: int = 4) -> float:
-    """To so many significant digits."""
+    """Returns the value rounded to `digits` significant digits."""
     return float(f"{value:.{digits}g}")
 
 

@@ -14,11 +14,11 @@ from ispom.types import Measurement, Sequence, Status, Step, is_stereo
 from tests.alone import alone
 
 LAST = 3
-"""Pairs seen; the video goes on for 1.7 s."""
+"""Number of pairs that are kept; the video goes on for 1.7 s."""
 
 
 def without_pairs(exposures: list[Measurement]) -> list[Measurement]:
-    """After so many."""
+    """Returns the measurements without the pairs after the first LAST ones, and without the video after these."""
     pairs = [e for e in exposures if is_stereo(e)]
     return [e for e in exposures if not is_stereo(e) or e.time_ns < pairs[LAST].time_ns]
 
