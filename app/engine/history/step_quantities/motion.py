@@ -16,8 +16,8 @@ USUAL_STEPS = 10.0
 
 
 def _same_moment(before: Values, now: Values) -> bool:
-    """Whether the step is at the time of the one before, as that of a pair after that of a video frame: what its pose
-    differs by is no motion."""
+    """Returns whether the step has the time of the step before, as a pair after a video frame of the same time. The
+    difference of their poses is no motion then."""
     return now.get("time_s") is not None and before.get("time_s") == now.get("time_s")
 
 
