@@ -1,4 +1,4 @@
-"""What can be hidden in the views, in addition to methods: names and labels."""
+"""Layers that can be hidden in the views, in addition to methods: names and labels."""
 
 from __future__ import annotations
 
@@ -39,5 +39,5 @@ HINTS = {
 OPTIONAL = frozenset({"depth"})
 """Layers that are drawn only when a person chooses them: they cost time."""
 MEASURES = "measures"
-"""Of no layer: all plots and texts, which a lesson hides."""
+"""Name for all plots and texts, which are in no layer and which a lesson hides."""
 IMAGE_LAYERS = ("tracks", "moving", "trails", "disparity", "lines")
