@@ -14,7 +14,7 @@ from ispom.types import Decision
 
 
 def loop_trial(camera: LoopCamera, first_ns: int, then_ns: int) -> AbstractContextManager[None]:
-    """What is reported in this context is about this candidate of a loop."""
+    """Returns a context in which reports are about this candidate of a loop."""
     return trial("loop", "left" if camera.baseline else "video", first_ns, then_ns)
 
 

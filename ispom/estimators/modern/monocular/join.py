@@ -1,7 +1,7 @@
 """Joins segments: recognises at keyframes what earlier segments saw, measures the similarity of both worlds from the
 common points, and reports the poses of the segment in the earlier world once two keyframes agree.
 
-The estimator goes on in the world of its segment; only what it reports is moved.
+The estimator continues in the world of its segment; only the poses that it reports are transformed.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def _look_back(
 
 
 def _report(keyframes: Iterable[Recognised], decisions: tuple[Decision, ...], joined: bool) -> None:
-    """Reports what was decided about keyframes that show an earlier segment, to whoever collects trials."""
+    """Reports the decisions about keyframes that show an earlier segment, if trials are collected."""
     for each in keyframes:
         with trial("join", "video", *each.pair):
             for decision in decisions:
