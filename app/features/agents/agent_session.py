@@ -28,7 +28,7 @@ T = TypeVar("T")
 PATIENCE_S = 300.0
 """For one piece of work in the session's thread: opening a video may find its calibration first."""
 LOOK_S = 0.02
-"""Between two looks at how far a computation has come."""
+"""Interval between two looks at the progress of a computation."""
 SIMULATION = "sim:"
 
 

@@ -13,7 +13,7 @@ from ispom.settings import Range
 from ...engine.options import MovedSource, Programs
 
 FRAMES, SECONDS = 45, 60.0
-"""Of an examination, where a person says nothing else."""
+"""Default number of frames of an examination, and default seconds for it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from ...engine.run_events.table import EventRecorder
 from .origin import Origin, without_points
 
 SEEDS = (None, 1, 2)
-"""Of the repetitions of a rerun: with the images as they are, then with noise on them."""
+"""Seeds of the repetitions of a rerun: None has the images unchanged, the others add noise to them."""
 NOISE = 1
 """Largest noise of a repetition [grey levels]: less than that of any camera, and enough for other tracks."""
 WHOLE = 400

@@ -32,7 +32,7 @@ MOST_EXACT = 50
 FAILED = 50.0
 """Value of a pair that gave a result before and none after: beyond the logarithm of every ratio of errors."""
 HALVINGS = 48
-"""Of the range of the logarithms, until the bounds of the interval are known to all digits that matter."""
+"""Number of halvings of the range of the logarithms after which the bounds of the interval are exact enough."""
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ SAMPLES = 8
 MOST_TRUE = 2000
 """Most positions of the true path that are drawn: a cell is about as many pixels wide."""
 HEIGHT_PX = 560
-"""Of the page until it has said how high it is."""
+"""Height of the page until it has reported its own."""
 UNKNOWN = "A stored run keeps no single tracks: run it here with ispom.run to choose some."
 
 

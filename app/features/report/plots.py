@@ -17,7 +17,7 @@ from .folder import Run
 from .traces import MAX_POINTS, Figure, colour_of, line, over_time, rounded, thinned
 
 BINS = 150
-"""Of counted things over time."""
+"""Number of bins over time."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from ...presentation import colours
 
 MAX_POINTS = 1200
-"""Of a line: more are not seen."""
+"""Most points of a line: more are not visible."""
 ALL_POINTS = 2400
-"""Of the lines of all runs for one thing, so that a page of many runs stays small."""
+"""Most points of the lines of all runs for one quantity, so that a page of many runs stays small."""
 TIME = "time since the first frame [s]"
 
 

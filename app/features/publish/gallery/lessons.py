@@ -34,7 +34,7 @@ from ..site import packed
 from .kept import KeptRun, Runs
 
 LEFT_OUT = frozenset({"address", "hidden"})
-"""Of what the page is told while a question is open: it makes these by itself."""
+"""Parts of the state that the page does not get while a question is open; it makes these by itself."""
 
 
 @dataclass(frozen=True, eq=False)
