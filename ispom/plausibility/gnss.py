@@ -12,7 +12,7 @@ from ispom.plausibility.imu import turned_about_up
 NULL_DEG = 1e-7
 """Nearer to 0, 0 (1 cm) no fix is: receivers write that where they have none."""
 NEAR_DEG = 1.0
-"""Where another fix is so near to it, the recording is of that place."""
+"""If another fix is as near to it as this, the recording is of that place."""
 NEAR_NULL_DEG = 0.02
 """Radians up to this are places within 1.2 degrees of 0, 0: then nothing tells the two apart."""
 HIGHEST_M, LOWEST_M = 50_000.0, -1_000.0

@@ -36,7 +36,7 @@ LARGEST_CLOCK_S, CLOCK_STEP_S = 0.5, 0.01
 CLOCK_FLOOR_S = 0.002
 """A clock is never known better: cameras stamp the begin, the middle or the end of an exposure of some ms."""
 CENTRE_PX = 1.0
-"""A mount is never known better than the principal point of a calibration, which is usually known to so much."""
+"""Usual uncertainty of the principal point of a calibration. A mount is never known better than that."""
 CLOCK_TELLS_S, MOUNT_TELLS, LEVER_TELLS = 0.01, np.radians(1.0), 0.5
 """The smallest offsets that matter: half a frame at 50 Hz, a degree [rad], and half of the distance between the frames
 of a pair. The images decide about a hypothesis if such an offset would be significant."""

@@ -12,7 +12,7 @@ from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Trajectory
 
 NEAR_NS = 1_000_000
-"""A pose so near in time is the frame's own: files round times to microseconds or milliseconds."""
+"""Largest time difference of a pose that is the frame's own: files round times to microseconds or milliseconds."""
 LONGEST_GAP_NS = 250_000_000
 """Largest interval between two poses in which poses are interpolated: handheld cameras change their motion within a
 longer one."""

@@ -33,7 +33,7 @@ ALWAYS = 0.9
 LEAST_BLOCKS = 4
 """Least number of blocks of the dark part that another camera sees."""
 INTO_PX = 0.3
-"""A corner moves into the dark part by so much from frame to frame: more than the noise of three steps."""
+"""Least motion from frame to frame of a corner that moves into the dark part: more than the noise of three steps."""
 STEPS = 3
 ENDS = 5
 """Corners that end in this way; none at the sky of a simulated moon (seeds 0 to 3), 25 and more at a cover where the

@@ -27,7 +27,8 @@ CELL = 0.05
 LEAST_STEPS = 8
 """Least number of motions of corners from which the motion of a cell is known."""
 LEAST_PASSAGE = 0.06
-"""The scene passes where it moves by so much of the image's width, further than the size of a drop."""
+"""Least motion of the scene, relative to the image's width, with which it passes a cell: more than the size of a
+drop."""
 STAYS = 0.6
 """Mean logarithm of the slope along the motion, more than around it, from which on an edge stays: a factor of 1.8. Of a
 scene that passes, this mean scatters less: at most 0.1 % of the image is above it in simulations and in KITTI 06."""
