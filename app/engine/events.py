@@ -45,8 +45,8 @@ class Stepped:
     exposure: Measurement
     steps: tuple[Step, ...]
     placements: Mapping[str, Similarity]
-    """By method: shared world from the method's own world. Only that of a monocular method differs from the
-    identity."""
+    """By method: shared world from the method's own world. It differs from the identity only for methods with a unit or
+    a world of their own."""
     errors_m: Mapping[str, float]
     """By method, the live error: the distance of the rig from the truth, by the pose that this step gave, in the world
     of the first stereo pair. It is not aligned, and so it is no part of the ATE. A provisional pose has none, and

@@ -69,7 +69,7 @@ class CurrentRun:
         self.stored: Stored | None = None
         """The stored run that it was read from; None for a run that is computed here."""
         self.recorded: RecordedViews | None = None
-        """Images and tracks of the stored run, of a run that was read or forked from one; else None."""
+        """Images and tracks of the stored run that this run is, or from which it was forked; else None."""
         self._own_events = EventLog()
         """Events of the recorded frames that are computed by now."""
         self._coming: Future[Stepped] | None = None

@@ -100,7 +100,7 @@ class Worlds:
         return Correction(times, values, (False,) * len(values))
 
     def next_pending(self, most: int) -> tuple[Worlds, range]:
-        """Returns the worlds with fewer poses to revise, and the indices of the poses to revise now, the newest
-        first."""
+        """Returns the worlds with fewer pending poses, and the indices of the newest pending poses, to be revised
+        now."""
         start = max(self.pending.start, self.pending.stop - most)
         return replace(self, pending=range(self.pending.start, start)), range(start, self.pending.stop)
