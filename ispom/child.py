@@ -53,7 +53,7 @@ class Child:
         return self._process.poll() == 0
 
     def wait(self, wait_s: float) -> bool:
-        """Whether it has ended; waits for that up to so long."""
+        """Returns whether the process has ended; waits up to `wait_s` for that."""
         try:
             self._process.wait(wait_s)
         except subprocess.TimeoutExpired:

@@ -35,6 +35,6 @@ def stopping_by(check: Callable[[], None]) -> Iterator[None]:
 
 
 def wait_or_stop(waited: Callable[[float], bool]) -> None:
-    """Waits until `waited(seconds)`, which waits up to so long, says that it has come. Raises as `check_stop`."""
+    """Waits until `waited(seconds)`, which waits up to that time, returns true. Raises as `check_stop`."""
     while not waited(LOOK_S):
         check_stop()

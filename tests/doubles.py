@@ -183,5 +183,5 @@ class FullEstimator(FakeEstimator):
 
 
 def raised(time_ns: int, times: int) -> Pose:
-    """The pose at a time as it is after so many revisions."""
+    """The pose at a time after it was revised `times` times."""
     return Pose(translation=np.array([0.0, times, 0.0])) @ pose_at(time_ns)

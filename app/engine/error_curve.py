@@ -18,7 +18,7 @@ from ..presentation.texts import ALIGNED
 
 @dataclass(frozen=True, eq=False)
 class ErrorCurve:
-    """Of one method in one branch."""
+    """The position errors of one method in one branch."""
 
     times_ns: NDArray[np.int64]
     """(N,), increasing."""
@@ -26,7 +26,8 @@ class ErrorCurve:
     """(N,) the position errors."""
     alignment: Alignment
     branches: int = 1
-    """So many forks of one run were aligned together, this one included. Of 1 the root mean square is the ATE."""
+    """Number of forks of one run that were aligned together, this one included. If it is 1, the root mean square of the
+    errors is the ATE."""
 
     @staticmethod
     def of(error: TrajectoryError) -> ErrorCurve:
@@ -34,7 +35,7 @@ class ErrorCurve:
 
     @property
     def aligned(self) -> str:
-        """How, for people: "SE(3)"."""
+        """Returns the name of the alignment, such as "SE(3)"."""
         how = ALIGNED[self.alignment]
         return how if self.branches == 1 else f"{how} of {self.branches} branches together"
 
@@ -56,11 +57,11 @@ class Part:
 
 
 def family_curves(parts: Mapping[int, Part]) -> dict[int, ErrorCurve]:
-    """By the number of the branch, the curves of one method in all branches of one run.
+    """Returns the curves of one method in all branches of one run, by number of the branch.
 
-    All of its branches are in one world, so one alignment brings them to the truth, over all their poses. The frames
-    that a branch shares with its parent are those of the parent: they have one error. Of a method with a unit of its
-    own, a branch is in another world than its parent where that had not moved yet: the unit came later.
+    All branches are in one world, so all their poses are aligned with the truth together. A frame that a branch shares
+    with its parent has one error, that of the parent. Where a method has a unit of its own, and the parent had not
+    moved at the fork, the unit was chosen later: such a branch is in another world than its parent.
     """
     parts = {n: part if _shares_a_world(parts, part) else replace(part, parent=None) for n, part in parts.items()}
     roots = {number: _root(parts, number) for number in parts}
@@ -97,7 +98,7 @@ def _shares_a_world(parts: Mapping[int, Part], part: Part) -> bool:
 
 
 Pair = tuple[Trajectory, Trajectory]
-"""Poses of an estimate, and the true ones."""
+"""Estimated poses, and the true poses at the same times."""
 
 
 def _line(parts: Mapping[int, Part], number: int) -> Sequence[int]:

@@ -33,7 +33,7 @@ class Opened:
     map: MadeMap | None = None
     """What `ispom map` made of this run, where it is over."""
     image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    """Width and height of the drawn images, by camera, of a recording alone: its cameras are not known."""
+    """Width and height of the drawn images, by camera. Only for a recording, whose cameras are not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +45,14 @@ class Stepped:
     exposure: Measurement
     steps: tuple[Step, ...]
     placements: Mapping[str, Similarity]
-    """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
+    """By method: shared world from the method's own world. It differs from the identity only for methods with a unit or
+    a world of their own."""
     errors_m: Mapping[str, float]
-    """By method, the live error: distance of the rig from the truth, by the pose as this step gave it, in the gauge of
-    the first stereo pair. Without an alignment, so that it is no part of the ATE. None of a provisional pose, and of
-    a method whose unit is not known."""
+    """By method, the live error: the distance of the rig from the truth, by the pose that this step gave, in the world
+    of the first stereo pair. It is not aligned, and so it is no part of the ATE. A provisional pose has none, and
+    neither has a method whose unit is unknown."""
     skipped: str = ""
-    """Why no estimator saw it: the image that is unreadable. Its images are empty then."""
+    """Why no estimator saw the frame: which image is unreadable. Its images are empty then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ class Finished:
 
 @dataclass(frozen=True, eq=False)
 class Pictured:
-    """An earlier frame that was drawn without its images is shown to somebody: here they are."""
+    """The images of an earlier frame that was drawn without them, and that somebody looks at now."""
 
     index: int
     exposure: Measurement
@@ -84,7 +85,7 @@ Event = Stepped | Finished | Pictured
 
 
 def blank(sequence: Sequence, index: int) -> Measurement:
-    """Returns a frame with empty images, which nobody draws; what is no frame has none."""
+    """Returns the measurement with empty images, which nobody draws; of another sensor, the measurement itself."""
     time_ns, nothing, kind = int(sequence.times_ns[index]), np.zeros((0, 0), np.uint8), sequence.kinds[index]
     if kind == "stereo":
         return Frame.stereo(time_ns, nothing, nothing)

@@ -18,7 +18,8 @@ FLAG = "--external"
 
 
 def add_programs(words: list[str]) -> str:
-    """Adds those that the words of the command line name to the methods; what is wrong with them, in one sentence."""
+    """Adds the programs that the command line names to the methods. Returns one sentence about the first mistake in
+    them, or an empty text."""
     try:
         for value in _values(words):
             add(program_method(*_named(value)))
@@ -36,7 +37,7 @@ def _values(words: Iterable[str]) -> Iterator[str]:
 
 
 def _named(value: str) -> tuple[type[ProgramConfig], list[Kind]]:
-    """The settings of the program, and on which frames it steps."""
+    """Returns the settings of the program, and the kinds of frames at which it steps."""
     names_it, equals, command = value.partition("=")
     name, colon, kinds = names_it.partition(":")
     needs = kinds.split("+") if colon else ["video"]

@@ -1,9 +1,9 @@
-"""The record of a frame: what each number of a method at a frame is, and its value.
+"""The record of a frame: the definition and the value of each number of a method at a frame.
 
-Card, dock, header, report, published page, recording and agents read it here. One key, one definition: where two
-surfaces show the same label, they show the same value. What differs on purpose has another label: the live error is of
-the pose as it was given then and not aligned, the position error is of the trajectory as known now after the alignment
-of the ATE, which is one number for the whole run.
+Card, dock, header, report, published page, recording and agents read numbers here. Each key has one definition, so
+the same label shows the same value everywhere. Numbers that differ on purpose have different labels. The live error
+compares the pose as it was given at its frame, without an alignment. The position error compares the trajectory as
+known now, after the alignment of the ATE, which is one number for the whole run.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ class Definition:
 
     key: str
     label: str
-    """As people read it."""
+    """Label that people read."""
     text: str
     unit: str = ""
     when: When = "then"
-    """`then`: as the step gave it, for good. `now`: as known now; later frames may change it, until the run ends."""
+    """`then`: as the step gave it; it never changes. `now`: as known now; later frames may change it until the run
+    ends."""
     alignment: str = ""
     """How its positions are compared with the ground truth; empty where there is none in it."""
 
@@ -80,25 +81,26 @@ class FrameRecord:
 
     @property
     def status(self) -> MethodStatus | None:
-        """Of its latest step up to there; None before its first."""
+        """Returns the status of the method's latest step up to this frame; None before its first step."""
         return self.record.statuses.get(self.method)
 
     @cached_property
     def values(self) -> Mapping[str, Value]:
-        """By key, what its step at this frame says: STEP_QUANTITIES and its checks; empty where it did not step."""
+        """Returns the values of the method's step at this frame by key: STEP_QUANTITIES and checks. Empty where it did
+        not step."""
         return self.record.values_by_method.get(self.method, {})
 
     @property
     def error_m(self) -> float | None:
-        """ERROR, of its latest pose up to there."""
+        """Returns the position error (ERROR) of the method's latest pose up to this frame."""
         return None if self.curve is None else self.curve.at(self.record.time_ns)
 
     @property
     def aligned(self) -> str:
-        """How, for people."""
+        """Returns the name of the alignment."""
         return "" if self.curve is None else self.curve.aligned
 
     def number(self, key: str) -> float | None:
-        """A value of its step that is a number; None where there is none."""
+        """Returns a value of the step if it is a number, else None."""
         value = self.values.get(key)
         return None if value is None or isinstance(value, str) else float(value)

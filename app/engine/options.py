@@ -23,7 +23,7 @@ from .run_folder.run_folder import is_unfinished
 
 
 def _field(name: str) -> str:
-    """What a method's settings are called as a field: `monocular_paper` of `monocular.paper`."""
+    """Returns the name of the field with a method's settings: `monocular_paper` for `monocular.paper`."""
     return name.replace(".", "_").replace("-", "_")
 
 
@@ -41,7 +41,7 @@ def _named(words: list[str]) -> str:
 
 
 SHOWN = tuple(name for name in BUILT_IN if name not in GROUPS["paper"])
-"""Methods that the help names; the others are too many for a line of each command."""
+"""Methods that the help names; all of them would be too many for a line of each command."""
 Name = Annotated[
     str,
     PrimitiveConstructorSpec(
@@ -71,11 +71,11 @@ class Settings:
 
 
 def with_flags(options: type, words: Iterable[str]) -> type:
-    """Returns the class of options with flags for the settings of the methods that the words name: for all of them
-    where the words have a flag that is none, whose message names the nearest ones. The help has those of --methods, or
-    else of the default ones.
+    """Returns the class of options with flags for the settings of the methods that the words name. If the words have an
+    unknown flag, it has the flags of all methods, so that the error message can name the nearest ones. The help lists
+    the settings of --methods, or else of the default methods.
 
-    A command imports the methods that it uses only, and reads the documentation of no other.
+    So a command imports only the methods that it uses, and reads the documentation of no other.
     """
     own, words = {f.name for f in fields(options)}, tuple(words)
     if "settings" not in own:
@@ -93,7 +93,7 @@ def with_flags(options: type, words: Iterable[str]) -> type:
 
 
 def _after_methods(words: Iterable[str]) -> tuple[str, ...]:
-    """Returns the methods that the words choose by --methods, of those that there are."""
+    """Returns the existing methods that the words choose by --methods."""
     found, chooses = list[str](), False
     for word in words:
         option, _, value = word.partition("=")
@@ -111,12 +111,12 @@ def _owner(flag: str) -> str | None:
 
 
 def config_of(settings: Settings) -> Config:
-    """The settings of the methods that have flags."""
+    """Returns the settings of the methods that have flags."""
     return Config({name: getattr(settings, _field(name)) for name in names() if hasattr(settings, _field(name))})
 
 
 def settings_of(config: Config, flags: type[Settings] | None = None) -> Settings:
-    """The same settings as flags have them: of the class `flags`, or of one that has those of `config`."""
+    """Returns the settings in the form of flags: of the class `flags`, or of a class with the methods of `config`."""
     if flags is None:
         flags = Settings.of(config.given)
     own = {f.name for f in fields(flags)}
@@ -125,7 +125,7 @@ def settings_of(config: Config, flags: type[Settings] | None = None) -> Settings
 
 @dataclass(frozen=True, kw_only=True)
 class Programs:
-    """Methods that are programs."""
+    """Options for methods that are external programs."""
 
     external: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """NAME[:video|stereo|video+stereo]=COMMAND: a program of yours as the method NAME, as described in
@@ -134,8 +134,8 @@ class Programs:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadsRuns:
-    """Of a command that reads the files of runs: those of a run that was killed are finished first, in
-    `cli/commands.py`, before the command begins."""
+    """Options of a command that reads files of runs. Before it begins, `cli/commands.py` finishes the files of runs
+    that were killed."""
 
     READS: ClassVar[tuple[str, ...]] = ("run",)
     """The fields that name folders of runs."""
@@ -144,7 +144,7 @@ class ReadsRuns:
     asked, and elsewhere the run is refused."""
 
     def unfinished(self) -> tuple[Path, ...]:
-        """The folders among those named that hold a run which was killed, or goes on."""
+        """Returns the named folders with a run that was killed or is still going on."""
         return tuple(path for path in self._read() if is_unfinished(path))
 
     def _read(self) -> tuple[Path, ...]:
@@ -155,7 +155,7 @@ class ReadsRuns:
 
 @dataclass(frozen=True, kw_only=True)
 class MovedSource:
-    """Of a command that opens the source of a run again."""
+    """Options of a command that opens the source of a run again."""
 
     source: str | None = None
     """Where the run's source is now, if it has been moved."""
@@ -191,12 +191,12 @@ class SourceOptions(FirstFrames):
     used."""
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
-        """The sequence of a source, shaped by these options, with the camera that its images describe where it has no
-        calibration; InputError where that cannot be, or may not."""
+        """Returns the sequence of a source with these options. Without a calibration it has the camera that its images
+        describe. InputError where the source cannot be opened, or `policy` forbids it."""
         return with_estimated_camera(self.opened(source, policy))
 
     def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
-        """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""
+        """As `open`, but a camera without a calibration is only guessed: to refine the guess takes a while."""
         return open_guessed(
             source,
             stereo_every=self.stereo_every,
@@ -213,7 +213,7 @@ class SourceOptions(FirstFrames):
 
 @dataclass(frozen=True, kw_only=True)
 class Options(SourceOptions, Programs):
-    """What every command takes."""
+    """Options of every command that runs methods."""
 
     methods: tuple[Name, ...] = ()
     """Methods to run, in any combination; none means all of --variant that the source has the cameras for. The groups
@@ -226,7 +226,7 @@ class Options(SourceOptions, Programs):
 
     @property
     def of_source(self) -> SourceOptions:
-        """Those that say how the source is opened."""
+        """Returns the options of the source alone."""
         return SourceOptions(**{f.name: getattr(self, f.name) for f in fields(SourceOptions)})
 
     @property

@@ -1,4 +1,5 @@
-"""Files that a command writes where the user says: its own earlier ones are replaced, anything else is left alone."""
+"""Files that a command writes where the user says. Its own earlier files are replaced; other files are never
+changed."""
 
 from __future__ import annotations
 
@@ -15,10 +16,10 @@ from ispom.errors import InputError
 from ispom.io.whole import write_whole
 
 MARKER = ".written-by-ispom"
-"""In a folder that a command may write again; what `ispom run` marks so is called INCOMPLETE, until it is complete."""
+"""The file that marks a folder which a command may write again. `ispom run` uses INCOMPLETE until a run is complete."""
 _HEAD_BYTES = 4096
 MARK_BYTES = 64 << 10
-"""Of a mark as much is read: somebody else's may have any size."""
+"""Most bytes of a mark that are read: a file of somebody else may have any size."""
 
 
 def write_file(path: Path, content: str | bytes, signature: str) -> None:
@@ -32,7 +33,7 @@ def write_file(path: Path, content: str | bytes, signature: str) -> None:
 
 
 def json_text(value: Any, indent: int) -> str:
-    """The content of a JSON file. JSON has no number that is not finite: null stands for it."""
+    """Returns the content of a JSON file. Numbers that are not finite become null, as JSON has none."""
     finite = json.loads(json.dumps(value, default=float), parse_constant=lambda _: None)
     return json.dumps(finite, indent=indent, allow_nan=False) + "\n"
 

@@ -1,6 +1,6 @@
-"""One run of some methods over one sequence, as events. Headless runs and the app both pull from here.
+"""One run of some methods over one sequence, as events. Headless runs and the app both use it.
 
-A run may have been forked from others: then it begins with what those did up to the frames where they were left.
+A run may be a fork of another run. It then begins with the frames of that run up to the fork.
 """
 
 from __future__ import annotations
@@ -31,14 +31,15 @@ from .external_trajectories.placed import ExternalTrajectory
 from .model.placing import Placing
 
 SPACING_NS = 1_000_000_000
-"""Time between the poses of a reference that has one for each video frame: neighbours are too near to tell a unit."""
+"""Least interval between the poses of a reference that has one for each video frame: with shorter ones the motion is
+too short to determine a unit."""
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
 """Makes the estimators of some methods. Raises InputError as `ispom.ensemble.build`."""
 
 
 def builder_within(places: Places, config: Config, builder: Builder) -> Builder:
-    """Returns a builder that reads, of the files that settings name, only those of this config and those in `places`,
-    links followed; None: any."""
+    """Returns a builder that reads only those files named in settings that this config names, or that are in `places`
+    (with links resolved). None: all files."""
     if places is None:
         return builder
     named = [file for given in config.given.values() for file in files_named(type(given), vars(given)).values()]
@@ -53,7 +54,7 @@ def builder_within(places: Places, config: Config, builder: Builder) -> Builder:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What ran before a fork."""
+    """The methods and settings before a fork."""
 
     until: int
     """The first frame that ran with other methods or settings."""
@@ -63,13 +64,13 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A run between two frames, as a value: from here it can be run on, any number of times."""
+    """The state of a run between two frames, as a value. The run can be continued from it any number of times."""
 
     position: int
     """The next frame."""
     skipped: tuple[str, ...]
     states: Mapping[str, Any]
-    """Of each method's estimator."""
+    """State of each method's estimator."""
     placements: Mapping[str, Similarity]
     placing: Mapping[str, Placing]
 
@@ -83,7 +84,7 @@ class Playback:
     config: Config = field(default_factory=Config)
     builder: Builder = build
     earlier: tuple[Stage, ...] = ()
-    """What ran from the start up to the fork that this run began with, oldest first."""
+    """The stages from the start up to the fork with which this run began, oldest first."""
     external_trajectories: tuple[ExternalTrajectory, ...] = ()
     """Trajectories of other programs over the same sequence."""
 
@@ -105,18 +106,19 @@ class Playback:
         known = [registered(name) for name in self.methods]
         metric = [m for m in known if m.unit == "metric"]
         self._reference = min(metric, key=lambda m: (m.world != "start", m.sensors != STEREO), default=None)
-        """The metric method whose world is the shared one: if possible one that begins at the start, and uses pairs."""
+        """The metric method whose world is the shared one: if possible one whose world is at the start, and that uses
+        pairs."""
         spacing_ns = 0 if self._reference is None or self._reference.sensors == STEREO else SPACING_NS
         free = [m for m in known if m.unit == "own" or (m.world == "own" and m is not self._reference)]
         self._placements: dict[str, Similarity] = {m.name: Similarity(1.0, start) for m in free}
         self._placing: dict[str, Placing] = {
             m.name: Placing(self.sequence.rig, None if m.unit == "own" else 1.0, spacing_ns) for m in free
         }
-        """Of the methods with a unit or a world of their own that are not placed yet."""
+        """By method: the placing of those with a unit or a world of their own that have no placement yet."""
 
     def _used(self) -> Sequence:
-        """The sequence without sensors beside it that the first stage does not use: a fork has the frames of its
-        parent. InputError where a later stage uses one of those."""
+        """Returns the sequence without the additional sensors that the first stage does not use, because a fork has the
+        frames of its parent. InputError where a later stage uses one of these sensors."""
         found = self.sequence.used_by(kinds_of(self._stages[0].methods))
         left_out = self.sequence.beside.difference(found.kinds)
         for name in (name for stage in self._stages for name in stage.methods):
@@ -130,9 +132,10 @@ class Playback:
         return Snapshot(self.position, tuple(self.skipped), self._state, dict(self._placements), placing)
 
     def forked(self, at: int, methods: tuple[str, ...], config: Config, snapshot: Snapshot | None = None) -> Playback:
-        """Another run, that is as this one up to frame `at`, and has other methods or settings from there on.
+        """Returns another run, which is the same as this one up to frame `at`, and has other methods or settings after.
 
-        It stands at `snapshot`, one of this run's at or before `at`, or else at the start. InputError as `builder`.
+        It begins at `snapshot`, a snapshot of this run at or before `at`, or else at the start. InputError as
+        `builder`.
         """
         earlier = [stage for stage in self._stages[:-1] if stage.until < at]
         here = next(stage for stage in self._stages if stage.until >= at)
@@ -159,7 +162,7 @@ class Playback:
         return self._final if same else self.builder(stage.config, stage.methods, self.sequence.rig)
 
     def _enter_stage(self) -> None:
-        """Changes to the methods and settings of the next stage, where one begins at this frame."""
+        """Changes to the methods and settings of the next stage, if one begins at this frame."""
         ended = [i for i, stage in enumerate(self._stages) if stage.until == self.position]
         if ended:
             self.ensemble = self._build(self._stages[ended[-1] + 1])
@@ -173,11 +176,12 @@ class Playback:
 
     @property
     def done(self) -> bool:
-        """Whether nothing comes any more."""
+        """Returns whether no frame is left."""
         return self.position >= len(self.sequence) and self.sequence.grow is None
 
     def more(self, patience_s: float | None = None) -> bool:
-        """Whether there is a frame to step to; of a live source, waits for it so long (None: until it ends).
+        """Returns whether there is a next frame. For a live source it waits for `patience_s` (None: until the source
+        ends).
 
         InputError, once, where the live source fails.
         """
@@ -189,11 +193,11 @@ class Playback:
         return self.position < len(self.sequence)
 
     def end(self) -> None:
-        """Nothing comes any more: the sequence is as if it had been opened up to here."""
+        """Ends the run here, as if the sequence had no more frames."""
         self.sequence = replace(self.sequence.truncated(self.position), grow=None)
 
     def unit_m(self, method: str) -> float | None:
-        """The unit of a method's own world [m]; None where it is not known."""
+        """Returns the unit of a method's own world [m]; None where it is unknown."""
         if method in self._placing and registered(method).unit == "own":
             return None
         return self._placements[method].scale if method in self._placements else 1.0
@@ -218,7 +222,8 @@ class Playback:
         return Stepped(index, exposure, steps, dict(self._placements), self._errors(steps))
 
     def reported_problems(self) -> dict[str, tuple[Step, tuple[Problem, ...]]]:
-        """By method: its Step at the next frame, and the problems that it solves for it. The run does not step.
+        """Returns for each method its Step at the next frame, and the problems that it solves in it. The run does not
+        step.
 
         Raises InputError where the frame cannot be read.
         """
@@ -226,8 +231,8 @@ class Playback:
         return self.ensemble.reported_problems(self._state, self.sequence[self.position])
 
     def without_tracks(self, method: str, ids: NDArray[np.int64]) -> Step | None:
-        """The Step of a method at the next frame without these tracks (M,) up to there; None where that is not
-        possible. The run does not step."""
+        """Returns the Step of a method at the next frame as it is if these tracks (M,) are removed before; None where
+        that is not possible. The run does not step."""
         self._enter_stage()
         return self.ensemble.without_tracks(self._state, self.sequence[self.position], method, ids)
 
@@ -263,7 +268,8 @@ class Playback:
         return errors
 
     def _place(self, steps: tuple[Step, ...]) -> None:
-        """Once a method: the first segment of the reference fixes where, and in what unit, its trajectory is drawn."""
+        """Places each method once: the first segment of the reference fixes the position and the unit of its drawn
+        trajectory."""
         if (reference := self._reference) is None:
             return
         for name, placing in tuple(self._placing.items()):
@@ -282,7 +288,7 @@ class Playback:
 
 
 def truth_from_start(sequence: Sequence) -> Trajectory | None:
-    """The truth, with the rig at the first stereo frame (without stereo: the first frame) as its world."""
+    """Returns the truth in the world of the rig at the first stereo frame (without stereo: the first frame)."""
     if sequence.truth is None or not len(sequence.truth):
         return None
     first_kind = "stereo" if sequence.rig.has_stereo else "video"

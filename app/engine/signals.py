@@ -1,7 +1,7 @@
-"""How SIGTERM and Ctrl-C end a command that writes files: what was computed is written first, soon.
+"""How SIGTERM and Ctrl-C end a command that writes files: it first writes what it has computed.
 
-A handler raises nothing, for it may run inside compiled code, which an exception there ends in a crash. It remembers
-the signal, and the command looks between two pieces of its work (`ispom.stop.check_stop`).
+A handler raises nothing, because it may run inside compiled code, where an exception crashes the process. It stores the
+signal, and the command checks for it between two pieces of its work (`ispom.stop.check_stop`).
 """
 
 from __future__ import annotations
@@ -19,14 +19,13 @@ from ispom.stop import check_stop, stopping_by
 INTERRUPTED, TERMINATED = 130, 143
 """Exit codes after Ctrl-C and SIGTERM, as shells give them."""
 PATIENCE_S = 1.0
-"""After a signal a disk that does not answer is waited for so long, in all."""
+"""Longest total time after a signal for which the command waits for a disk that does not answer."""
 REPEAT_S = 0.5
-"""A signal that comes again within this time is the same one: shells and `timeout` send it to the process and to its
-group."""
+"""Time within which a repeated signal is the same one: shells and `timeout` send it to the process and to its group."""
 
 
 class Signals:
-    """Those that one command has got."""
+    """The signals that one command received."""
 
     def __init__(self) -> None:
         self._first: BaseException | None = None
@@ -36,8 +35,8 @@ class Signals:
 
     @contextmanager
     def first_ends(self, source_stop: Callable[[], None] | None) -> Iterator[None]:
-        """Meanwhile the first Ctrl-C ends the recording of a live source; what came so far is still run. A second one
-        ends that. Nothing changes where the source is not live."""
+        """In this context the first Ctrl-C ends the recording of a live source, and the frames so far are still
+        processed. A second one ends that, too. Nothing changes where the source is not live."""
         self._source_stop = source_stop
         try:
             yield
@@ -45,7 +44,7 @@ class Signals:
             self._source_stop = None
 
     def check(self) -> None:
-        """Raises what the first signal stands for."""
+        """Raises the exception of the first signal."""
         if self._source_stop is not None and self.take_interrupt():
             stop, self._source_stop = self._source_stop, None
             stop()
@@ -54,20 +53,20 @@ class Signals:
             raise self._first
 
     def check_unheld(self) -> None:
-        """The same, but nothing after `hold`."""
+        """Raises the exception of the first signal, unless `hold` was called."""
         if not self._closing:
             self.check()
 
     def hold(self) -> None:
-        """From here on a first signal is raised by `check` only: files are being closed."""
+        """From here on only `check` raises the exception of a signal: files are being closed."""
         self._closing = True
 
     def overdue(self) -> bool:
-        """Whether a signal came longer ago than a disk is waited for."""
+        """Returns whether a signal came more than PATIENCE_S ago."""
         return self._first is not None and time.monotonic() > self._since_s + PATIENCE_S
 
     def take_interrupt(self) -> bool:
-        """Whether Ctrl-C was pressed; once, and then it is as if it had not been."""
+        """Returns whether Ctrl-C was pressed, and forgets it."""
         if not isinstance(self._first, KeyboardInterrupt) or self._taken:
             return False
         self._first = None
@@ -75,11 +74,11 @@ class Signals:
 
     @property
     def unnoticed(self) -> bool:
-        """Whether a signal came that nobody has looked for since."""
+        """Returns whether a signal came that `check` has not raised."""
         return self._first is not None and not self._taken
 
     def handle(self, number: int, _: object) -> None:
-        """The handler: the first signal ends the command in good order, a second one ends the process at once."""
+        """Handles a signal: the first one ends the command in good order, a second one ends the process at once."""
         now_s = time.monotonic()
         if now_s <= self._since_s + REPEAT_S:
             return

@@ -1,4 +1,4 @@
-"""Who wants to hear that something changed."""
+"""Callbacks that are called when something changed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 
 class Subscribers:
-    """Callbacks that any thread may add, remove and call. They carry no value: who is called looks for itself."""
+    """Callbacks that any thread may add, remove and call. They get no value; they read it themselves."""
 
     def __init__(self) -> None:
         self._callbacks: frozenset[Callable[[], None]] = frozenset()

@@ -1,4 +1,4 @@
-"""Small things that are kept for the user between starts: JSON, in files of the user's own."""
+"""Small JSON files that keep settings of the user between starts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 def read_json(path: Path | None) -> Any:
-    """What the file has; None where it is missing or damaged, or there is none."""
+    """Returns the content of the file; None where the path is None, or the file is missing or damaged."""
     try:
         return json.loads(path.read_text("utf-8")) if path else None
     except (OSError, ValueError):
@@ -21,7 +21,8 @@ def read_json(path: Path | None) -> Any:
 
 
 def write_json(path: Path | None, value: Any, what: str) -> None:
-    """In one move, for another app may do the same; where it cannot be written, `what` is only not kept."""
+    """Writes the file atomically, because another app may write it, too. If that fails, `what` is only logged as not
+    kept."""
     if path is None:
         return
     try:

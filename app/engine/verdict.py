@@ -17,7 +17,7 @@ from .history.quantity import Value
 HEADLINE = re.compile(r"([A-Z][^:.;()\d]{2,29}): (?=.)")
 """The headline with which a check's sentence may begin: "Scale unreliable: ..."."""
 FIRST = "collecting frames"
-"""Why there is no map at a frame at which no check was made."""
+"""Detail of a verdict without a map, at a frame without checks."""
 WARNING = "Warning"
 """The headline of a failed check whose sentence has none."""
 WAITING = "Waiting"
@@ -30,7 +30,7 @@ class Severity(StrEnum):
     OK = "ok"
     KEYFRAME = "keyframe"
     PROVISIONAL = "provisional"
-    """There is no map or fit yet: the pose is a guess, or there is none."""
+    """There is no map or fit yet: the pose is a guess or missing."""
     WARNING = "warning"
     LOST = "lost"
 
@@ -43,7 +43,7 @@ class Severity(StrEnum):
 class Verdict:
     method: str
     frame: int
-    """That of the method's step, which may be before the frame that is shown."""
+    """The frame of the method's step, which may be before the frame that is shown."""
     severity: Severity
     headline: str
     """Two or three words: "Tracking", "Scale unreliable"."""
@@ -60,7 +60,8 @@ class Verdict:
 
 
 def verdict(step: Step, frame: int, values: Mapping[str, Value]) -> Verdict:
-    """Of a method's step; `values` are the step's quantities by key, which a stored run has without its tracks."""
+    """Returns the verdict on a method's step. `values` are the step's quantities by key, which a stored run has even
+    without tracks."""
     checks = registered(step.method).checks
     failed = sorted(filter(alarming, step.decisions), key=_rank(checks))
     made = _Made(step, frame, checks, tuple(failed))
@@ -78,7 +79,7 @@ def verdict(step: Step, frame: int, values: Mapping[str, Value]) -> Verdict:
 
 
 def missing(step: Step) -> str:
-    """What a step without a pose waits for, by the check that failed; empty where none did."""
+    """Returns what a step without a pose waits for, by the check that failed; empty where no check failed."""
     found = verdict(step, 0, {})
     if found.decisive is not None:
         return found.sentence
@@ -94,7 +95,7 @@ def alarming(decision: Decision) -> bool:
 
 @dataclass(frozen=True)
 class _Made:
-    """What all verdicts about one step have in common."""
+    """The data that all verdicts on one step share."""
 
     step: Step
     frame: int
@@ -167,14 +168,14 @@ def points(values: Mapping[str, Value]) -> str:
 
 
 def pose_detail(step: Step, values: Mapping[str, Value]) -> str:
-    """How a tracked pose was found: "345 matches (minimum 120)"; whatever else the step warns of."""
+    """Returns how a tracked pose was found, such as "345 matches (minimum 120)", whatever the step warns of."""
     made = _Made(step, 0, registered(step.method).checks, ())
     decisive = made.last("pose", passed=True)
     return _measured(values) if decisive is None else made.words(decisive, "")[1]
 
 
 def _measured(values: Mapping[str, Value]) -> str:
-    """How well the pose fits, where no check says it: "412 inliers, median residual 0.21 px"."""
+    """Returns how well the pose fits if no check says it, such as "412 inliers, median residual 0.21 px"."""
     inliers, residual = values.get("inliers"), values.get("residual_median_px")
     parts = [f"{inliers:.0f} inliers"] if isinstance(inliers, int | float) else []
     parts += [f"median residual {number(residual)} px"] if isinstance(residual, int | float) else []
@@ -193,7 +194,7 @@ def _rank(checks: Mapping[str, Check]):
 
 
 def waiting(method: str, camera: str) -> Verdict:
-    """Of a method that has not stepped yet."""
+    """Returns the verdict on a method that has not stepped yet."""
     return Verdict(method, -1, Severity.PROVISIONAL, WAITING, f"no {camera} frame so far")
 
 

@@ -1,8 +1,8 @@
-"""Numba's first compilation, in processes of their own, on all cores: in this one it would hold up the page.
+"""Numba's first compilation, in separate processes on all cores: in this process it would block the page.
 
 `start(methods, config)` begins where machine code is missing; `while not ready(methods, config, 0.05): say(message())`
-comes before the first frame is computed. Numba keeps each kernel as soon as it is compiled, so that a start that is
-interrupted loses those only which were in work.
+comes before the first frame is computed. Numba stores each kernel as soon as it is compiled. So an interrupted start
+loses only the kernels that were being compiled.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ log = logging.getLogger(__name__)
 MESSAGE = "Compiling the estimators once for this computer"
 COMMAND = [*PYTHON, "-m", "ispom.warm_up"]
 DEFAULT = tuple(name for name in BUILT_IN if not name.endswith(".paper"))
-"""What most sources are run with: compiled in advance where nobody has said yet what is to run."""
+"""Methods that most sources are run with. They are compiled in advance while nobody has chosen methods."""
 MOST_PROCESSES = 4
 """A process takes 350 MB, and the longest kernel a fifth of the whole time."""
 KEPT_S = 0.05
-"""For a kernel whose machine code is there already."""
+"""Assumed time of a kernel that is compiled already."""
 PRIOR_S = 3.0
-"""So long the speed is taken to be that of the machine which wrote the list of kernels."""
+"""Weight of the prior that this machine is as fast as the one that wrote the list of kernels, as a running time."""
 
 
 @dataclass
@@ -54,19 +54,19 @@ class Work:
 
 @dataclass
 class Compilation:
-    """What is compiled, and how far that is. `changed` guards all of it."""
+    """The kernels to compile and the progress. `changed` guards all fields."""
 
     changed: threading.Condition = field(default_factory=threading.Condition)
     waiting: list[str] = field(default_factory=list)
-    """Kernels that nobody compiles yet, the next one first."""
+    """Kernels whose compilation has not begun, the next one first."""
     working: dict[str, Work] = field(default_factory=dict)
     done: set[str] = field(default_factory=set)
-    """Kernels that were asked for, and are there."""
+    """Requested kernels that are compiled."""
     kept: frozenset[str] = frozenset()
-    """Those that an earlier start has left: they take no time."""
+    """Kernels that an earlier start compiled: they take no time."""
     processes: int = 0
     gentle: bool = False
-    """Whether processes that are started give way to all others."""
+    """Whether processes are started with low priority."""
     begun_s: float = 0.0
     """When it was begun, of time.monotonic()."""
     taken_s: float = 0.0
@@ -92,7 +92,7 @@ class Compilation:
                 threading.Thread(target=self._work, name="compile", daemon=True).start()
 
     def over(self, wanted: frozenset[str] | None, wait_s: float = 0.0) -> bool:
-        """Whether none of these is still to be compiled (None: none at all); waits for that up to so long."""
+        """Returns whether all of these kernels (None: all requested ones) are compiled; waits up to `wait_s`."""
 
         def nothing_left() -> bool:
             left = [*self.waiting, *self.working]
@@ -102,7 +102,8 @@ class Compilation:
             return self.changed.wait_for(nothing_left, wait_s)
 
     def progress(self, wanted: frozenset[str] | None) -> tuple[float, float]:
-        """The share of these that is compiled, 0..1, and how many seconds the rest takes at the speed so far."""
+        """Returns the share of these kernels that is compiled, 0..1, and the seconds for the rest at the speed so
+        far."""
         with self.changed:
             running_s, processes = time.monotonic() - self.begun_s, max(self.processes, 1)
             compiled_s = sum(map(self._cost_s, self.done))
@@ -123,7 +124,7 @@ class Compilation:
         return KEPT_S if name in self.kept else kernel_list()[name].seconds
 
     def _work(self) -> None:
-        """A process, and the thread that tells it what to do until nothing is left."""
+        """Runs one compiling process in this thread, until no kernel is left."""
         child: Child | None = None
         try:
             child = Child([*COMMAND, "--gentle"] if self.gentle else COMMAND)
@@ -156,12 +157,12 @@ class Compilation:
             return name
 
     def _mark(self) -> None:
-        """Notes what is there, as often as all that was asked for is."""
+        """Writes down the compiled kernels whenever all requested ones are compiled."""
         if not self.working and not self.waiting:
             compiled_code.mark_complete(self.done)
 
     def _failed(self, how: str, child: Child | None) -> None:
-        """Once, for all: what waits is given up."""
+        """Gives up the compilation for all processes, at the first failure."""
         with self.changed:
             self.processes -= 1
             self.waiting.clear()
@@ -181,7 +182,7 @@ _compilation = Compilation()
 
 
 def kernels_needed(methods: Iterable[str], config: Config) -> frozenset[str]:
-    """What these methods run of this package's compiled code."""
+    """Returns the kernels of this package that these methods run."""
     chosen = set(with_dependencies(methods))
     if "monocular.paper" in chosen and not config.of("monocular.paper").local_bundle:
         chosen.remove("monocular.paper")
@@ -189,42 +190,42 @@ def kernels_needed(methods: Iterable[str], config: Config) -> frozenset[str]:
 
 
 def start(methods: Iterable[str], config: Config, *, gentle: bool = False) -> None:
-    """Begins to compile what these methods need and is not there, before all else that is still to be compiled.
+    """Begins to compile the missing kernels of these methods, before all other kernels that wait.
 
-    `gentle`: in processes that give way to all others, for there is something to look at meanwhile.
+    `gentle`: compiles with low priority, because the user can look at something meanwhile.
     """
     _compilation.gentle = _compilation.gentle or gentle
     _compilation.ask(kernels_needed(methods, config))
 
 
 def ready(methods: Iterable[str], config: Config, wait_s: float = 0.0) -> bool:
-    """Whether these methods can run without waiting for the compilation; waits for that up to so long.
+    """Returns whether these methods can run without waiting for the compilation; waits up to `wait_s`.
 
-    Also where the compilation failed: what is not compiled then is compiled when it is needed.
+    This is also true where the compilation failed: missing kernels are compiled at their first use then.
     """
     return _compilation.over(kernels_needed(methods, config), wait_s)
 
 
 def finished(wait_s: float = 0.0) -> bool:
-    """Whether no compilation is going on; waits for its end up to so long."""
+    """Returns whether no compilation is going on; waits up to `wait_s` for its end."""
     return _compilation.over(None, wait_s)
 
 
 def message(methods: Iterable[str] | None = None, config: Config | None = None) -> str:
-    """MESSAGE, the share that is compiled, and how long the rest takes at the speed so far: of what these methods
-    need, or of all that is compiled."""
+    """Returns MESSAGE with the share that is compiled, and the time of the rest at the speed so far: for the kernels
+    that these methods need, or for all requested ones."""
     wanted = None if methods is None else kernels_needed(methods, config or Config())
     share, left_s = _compilation.progress(wanted)
     return MESSAGE if _compilation.over(wanted) else f"{MESSAGE}: {100 * share:.0f} %, about {_rounded(left_s)} s"
 
 
 def failure() -> str | None:
-    """One sentence where the compilation failed, or None; the estimators then compile as they go."""
+    """Returns one sentence where the compilation failed, else None. After a failure estimators compile at first use."""
     return _compilation.failures[-1] if _compilation.failures else None
 
 
 def _rounded(seconds: float) -> int:
-    """In steps of 5 from 10 s on: no more is known."""
+    """Rounds to steps of 5 s from 10 s on: the estimate is not more precise."""
     return max(1, round(seconds)) if seconds < 10 else 5 * round(seconds / 5)
 
 

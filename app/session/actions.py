@@ -1,4 +1,4 @@
-"""What a key, an entry of the command palette, and a line of the list of keys stand for: defined once for all three."""
+"""Actions: each has a key, an entry of the command palette, and a line in the list of keys, defined here once."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from .commands import PageCommand
 @dataclass(frozen=True)
 class Action:
     place: int
-    """In the list of keys."""
+    """Its order in the list of keys."""
     name: str
-    """By which the page's scripts know it."""
+    """Name that the page's scripts use."""
     key: str
-    """As the page's keyboard.js writes it: a browser's name of the key, letters in lower case, "Shift+" before it."""
+    """The key in the notation of the page's keyboard.js: the browser's name of the key, letters in lower case, and
+    "Shift+" before it."""
     label: str
     hint: str
     """What it does, in one sentence."""

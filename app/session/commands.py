@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 Factor = Annotated[float, msgspec.Meta(ge=0.01, le=100.0)]
-"""Of the recorded time."""
+"""Speed as a multiple of the recorded time."""
 
 
 def _snake_case(name: str) -> str:
@@ -28,36 +28,37 @@ def _snake_case(name: str) -> str:
 
 
 class Message(msgspec.Struct, frozen=True, tag_field="do", tag=_snake_case, forbid_unknown_fields=True):
-    """What a page can send as JSON: `{"do": "step_by", "count": 1}` is `StepBy(1)`."""
+    """A message that a page can send as JSON: `{"do": "step_by", "count": 1}` is `StepBy(1)`."""
 
     from_page: ClassVar[bool] = False
-    """Whether a page may send it. Others are posted by the controls and by the program itself."""
+    """Whether a page may send it. Other messages come from the controls and from the program itself."""
 
 
 class Command(Message, frozen=True):
-    """What a person wants of the session. Posting it only queues it; the worker carries it out."""
+    """A request of a person to the session. It is queued when it is posted, and the worker executes it."""
 
     in_lessons: ClassVar[bool] = False
-    """Whether it is possible while a question of a lesson is open, whatever it would change."""
+    """Whether it is allowed while a question of a lesson is open, whatever it changes."""
     keeps: ClassVar[bool] = False
-    """Whether a run that it closes stays in the table of runs, with its forks."""
+    """Whether a run that it closes is kept in the table of runs, with its forks."""
     newest_only: ClassVar[bool] = False
-    """Whether one that another of its kind follows is dropped: a slider sends many."""
+    """Whether it is discarded when another command of its kind follows: a slider sends many."""
 
     only_looks: ClassVar[bool] = False
-    """Whether a page that does not control the session may have it for itself: nothing of the run changes."""
+    """Whether a page that does not control the session may execute it for itself, because it changes nothing of the
+    run."""
 
     def look(self, state: State, run: CurrentRun) -> tuple[Event, ...]:
-        """What it changes of features for such a page, which looks at `state`. InputError if it is not possible."""
+        """Returns the changes to features for such a page, which shows `state`. InputError where it is not possible."""
         raise NotImplementedError(type(self).__name__)
 
     def execute(self, session: Controller) -> None:
-        """Carries it out, in the worker's thread. InputError if it is not possible."""
+        """Executes the command, in the worker's thread. InputError where it is not possible."""
         raise NotImplementedError(type(self).__name__)
 
     def closing(self, session: Controller) -> str:
-        """What closes the run, as the beginning of a sentence; empty if this does not. Where something would be lost, a
-        person is asked first."""
+        """Returns the beginning of a sentence about the command if it closes the run, else an empty text. A person must
+        confirm it first if something would be lost."""
         return ""
 
 

@@ -1,4 +1,4 @@
-"""The first compilation, as the page shows it: how far it is, or why it failed."""
+"""Shows the first compilation on the page: its progress, or why it failed."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from .state import Activity, NoticeAdded, changed
 from .store import Store
 
 WAIT_S = 0.05
-"""For the compiler at a time, before the session looks at its commands again."""
+"""Longest wait for the compiler before the session looks for commands again."""
 
 
 class Compiling:
-    """`start(methods, config)` begins to compile what they need."""
+    """Starts the compilation and shows it. `start(methods, config)` begins to compile what they need."""
 
     def __init__(self, store: Store, start: Callable[[tuple[str, ...], Config], None]) -> None:
         self._store, self._start = store, start
         self._failure: str | None = None
-        """The one that was shown."""
+        """The failure that was shown last."""
 
     def begin(self, playback: Playback) -> None:
-        """A run of these methods is about to start."""
+        """Begins to compile for a run that is about to start."""
         self._start(playback.methods, playback.config)
 
     def over(self, playback: Playback) -> bool:
-        """Whether the next frame may be computed; neither waits nor shows anything."""
+        """Returns whether the next frame can be computed. It does not wait and shows nothing."""
         return warmup.ready(playback.methods, playback.config)
 
     def ready(self, playback: Playback) -> bool:
-        """Whether the next frame may be computed; otherwise shows what it waits for, a little while."""
+        """Returns whether the next frame can be computed. If not, it waits for WAIT_S and shows the progress."""
         if warmup.ready(playback.methods, playback.config, WAIT_S):
             return True
         before, text = self._store.state.activity, warmup.message(playback.methods, playback.config)
@@ -43,7 +43,7 @@ class Compiling:
         return False
 
     def watch(self) -> None:
-        """Shows how far it is, and what became of it, whether the run goes on or not."""
+        """Shows the progress of the compilation, or its failure."""
         over = warmup.finished()
         self._store.set(compiling="" if over else warmup.message())
         failure = warmup.failure()

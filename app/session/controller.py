@@ -1,4 +1,5 @@
-"""The worker's job: commands, the run on the screen, and the features in turn. Used in the worker's thread alone."""
+"""The worker's job: it executes commands, advances the run on the screen, and calls the services of features. Only the
+worker's thread uses it."""
 
 from __future__ import annotations
 
@@ -31,8 +32,8 @@ T = TypeVar("T")
 
 
 class Controller:
-    """Handlers of commands and services get it as their `session`: the state is in `store`, moves go to `player`, and
-    another run comes by `screen`."""
+    """The `session` of commands and services. `store` has the state, `player` moves through the run, and `screen` shows
+    another run."""
 
     def __init__(self, store: Store, viewers: Viewers, setup: SessionSetup) -> None:
         self.store, self.setup = store, setup
@@ -45,11 +46,11 @@ class Controller:
         self._extras: dict[type, object] = {type(extra): extra for extra in setup.extras}
 
     def add(self, *services: Service) -> None:
-        """Services take part from now on."""
+        """Adds services; they are called from now on."""
         self._services.add(*services)
 
     def extra(self, kind: type[T]) -> T:
-        """The value of this type that the session was given, or else a new one."""
+        """Returns the value of this type with which the session was set up, or else a new one."""
         found = self._extras.get(kind)
         if found is None:
             found = self._extras[kind] = kind()
@@ -83,7 +84,7 @@ class Controller:
             self.screen.play_on()
 
     def obey(self, command: Command) -> None:
-        """Carries a command out, or asks first if it would close the run and something would be lost with it.
+        """Executes a command. If it closes the run and something would be lost, a person must confirm it first.
 
         InputError if it is not possible.
         """
@@ -99,7 +100,7 @@ class Controller:
             command.execute(self)
 
     def turn(self) -> None:
-        """Advances the run, whatever becomes of the services' work."""
+        """Advances the run, even if a service fails."""
         try:
             self.player.advance()
         finally:
@@ -118,7 +119,7 @@ class Controller:
         return self.player.patience_s(BUSY_S if busy else IDLE_S)
 
     def failed(self, fault: Exception) -> None:
-        """Pauses and says why: a user's mistake in its own sentence, anything else as a fault of the program."""
+        """Pauses and shows why: a mistake of the user by its sentence, anything else as a fault of the program."""
         if not isinstance(fault, InputError):
             log.error("the session worker failed", exc_info=fault)
         reason = str(fault) if isinstance(fault, InputError) else internal(fault)
@@ -135,7 +136,7 @@ class Controller:
             service.close()
 
     def close_now(self) -> None:
-        """Closes what must not be lost, from another thread, while the worker is busy."""
+        """Closes files that must not be lost, while the worker is busy. Another thread calls it."""
         for service in self._services:
             service.close_now()
 

@@ -1,4 +1,4 @@
-"""A run that the session holds: what computes it, what is known of it so far, and states to fork it from."""
+"""A run of the session: its playback, its results so far, and states from which it can be forked."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from .review.recorded_tracks import RecordedViews
 from .review.stored import Stored
 
 EXPOSURES_SHARE, STATES_SHARE = 0.1, 0.1
-"""Of its memory: for the newest frames, which are on disk as well and from there take a millisecond, and for states
-to fork from. The rest is for what no count of arrays shows: what is known of all poses and points, the objects around
+"""Shares of a run's memory for the newest frames, which are on disk as well and take a millisecond from there, and for
+states to fork from. The rest is for what no count of arrays shows: all poses and points so far, the objects around
 them, and what the allocator keeps for itself."""
 REST_SHARE = 16
-"""Of its memory, a run that is not on the screen keeps one part in so many."""
+"""Factor by which the memory of a run is reduced while it is not on the screen."""
 
 
 class CurrentRun:
-    """A new one for each start and each fork. Stepped by the worker; `history` and `known_at` are for any thread."""
+    """One run; each start and each fork makes a new one. The worker steps it; any thread may use `history` and
+    `known_at`."""
 
     def __init__(
         self,
@@ -45,9 +46,10 @@ class CurrentRun:
         events: EventLog | None = None,
         ahead: CurrentRun | None = None,
     ) -> None:
-        """A fork has a `past`, the frames that it did not compute itself, with their `series` and `events`, and
-        `checkpoints` among them, at the last of which its playback stands. `ahead` is its beginning as it was
-        recorded, which holds until its own frames are computed; its `series` and `events` are those of this run, too.
+        """`past`, `series`, `events` and `checkpoints` are for a fork: the frames that it did not compute itself, their
+        quantities and events, and saved states, at the last of which its playback begins. `ahead` is the recorded
+        beginning of this run, which is used until its own frames are computed; its `series` and `events` are those of
+        this run, too.
         """
         self.playback = playback
         self.opened: Opened = playback.opened
@@ -65,17 +67,17 @@ class CurrentRun:
             for index in range(playback.position, len(past)):
                 self._learn(past[index])
         self.stored: Stored | None = None
-        """What it was read from; None for one that is computed here."""
+        """The stored run that it was read from; None for a run that is computed here."""
         self.recorded: RecordedViews | None = None
-        """Images and tracks of the stored run that it is, or that it was forked from."""
+        """Images and tracks of the stored run that this run is, or from which it was forked; else None."""
         self._own_events = EventLog()
-        """Of the frames that were recorded, and are computed by now."""
+        """Events of the recorded frames that are computed by now."""
         self._coming: Future[Stepped] | None = None
         """The next frame, while it is computed in another thread."""
 
     @staticmethod
     def of_stored(stored: Stored, memory_bytes: int) -> CurrentRun:
-        """A run that is over: its frames are read, not computed. InputError where they cannot be."""
+        """Returns a run that is over: its frames are read, not computed. InputError where they cannot be read."""
         history, series, events = History(0), Series(stored.methods), EventLog()
         for record in stored.records():
             history.append(record)
@@ -93,16 +95,16 @@ class CurrentRun:
 
     @staticmethod
     def begun_by(stored: Stored, memory_bytes: int) -> CurrentRun:
-        """The run that a stored one is the beginning of, computed from its first frame on: each frame is as it was
-        recorded until it is computed. InputError where the recorded ones cannot be read."""
+        """Returns a run that begins with the frames of a stored run. It is computed from its first frame on, and each
+        frame is shown as recorded until it is computed. InputError where the recorded frames cannot be read."""
         before = CurrentRun.of_stored(stored, memory_bytes)
         run = CurrentRun(stored.playback, memory_bytes, None, None, before.series, before.events, before)
         run.recorded = before.recorded
         return run
 
     def forked(self, at: int, methods: tuple[str, ...], config: Config) -> CurrentRun:
-        """A run that is as this one up to frame `at`, of those computed, and has these methods and settings from
-        there on. InputError as `Playback.forked`."""
+        """Returns a run that is the same as this one up to the computed frame `at`, and has these methods and settings
+        after. InputError as `Playback.forked`."""
         self.require_source()
         checkpoints = self.checkpoints.until(at)
         nearest = checkpoints.nearest(at)
@@ -120,39 +122,39 @@ class CurrentRun:
 
     @property
     def done(self) -> bool:
-        """Whether nothing comes any more. A run that was read goes on as a fork, and never itself."""
+        """Returns whether no frame is left to compute. A run that was read is always done; only its forks go on."""
         ended = self.playback.sequence.grow is None and self.history.computed >= len(self.playback.sequence)
         return ended or self.stored is not None
 
     @property
     def last(self) -> int:
-        """The last frame that can be shown, be it computed by then or not."""
+        """Returns the last frame that can be shown, computed or not."""
         return (len(self.history) if self.stored is not None else len(self.playback.sequence)) - 1
 
     @property
     def catching_up(self) -> bool:
-        """Whether frames that are known have to be run through again, to reach the state that a fork begins with."""
+        """Returns whether known frames must be replayed to reach the state with which a fork begins."""
         return not self.done and self.playback.position < self.history.computed
 
     @property
     def recorded_frames(self) -> range | None:
-        """Those that are known from a recording only: fewer with each that is computed. None for a run that did not
-        begin with any."""
+        """Returns the frames that are known only from a recording; they become fewer as frames are computed. None for a
+        run that did not begin with a recording."""
         return None if self._ahead is None else range(self.history.computed, len(self._ahead.history))
 
     def is_recorded(self, index: int) -> bool:
-        """Whether a frame is known from a recording only, and is computed soon."""
+        """Returns whether a frame is known only from a recording, and is computed soon."""
         return index in (self.recorded_frames or ())
 
     @property
     def _recording(self) -> CurrentRun | None:
-        """Its recorded beginning, as long as more is known of that."""
+        """Returns the recorded beginning while it has more frames than are computed; else None."""
         return self._ahead if self.recorded_frames else None
 
     def catch_up(self) -> str:
-        """Runs through one of them. InputError as `Playback.step`.
+        """Replays one known frame. InputError as `Playback.step`.
 
-        Where a stored run gave something else there, a sentence that says so; empty otherwise.
+        Returns a sentence if the result differs from that of the stored run, else an empty text.
         """
         before = self.history[self.playback.position]
         event = self.playback.step()
@@ -169,8 +171,8 @@ class CurrentRun:
         )
 
     def begin_step(self) -> bool:
-        """Begins to compute the next frame in a thread of its own, if that is not under way; whether it is done by now,
-        so that `step` does not wait."""
+        """Begins to compute the next frame in another thread, if that has not begun. Returns whether it is finished, so
+        that `step` does not wait."""
         if self._coming is None:
             sequence, position = self.playback.sequence, self.playback.position
             if position == 0 and sequence.prepare is not None:
@@ -196,7 +198,7 @@ class CurrentRun:
                 self.events = self._own_events
         else:
             self.events.append(record, *self.series.append(record))
-        # After the history: who finds a frame in the model finds its record, too.
+        # After the history: a frame that is in the model must have its record.
         self._learn(record)
         return event, record
 
@@ -240,19 +242,19 @@ class CurrentRun:
     def trajectories(self) -> Mapping[str, Trajectory]:
         """Each method's trajectory as known now, in its own world: what `ispom run` would write if the run ended here.
 
-        Of a fork that has to run through known frames first, as far as that came; of recorded frames, those that the
-        recorded run ended with.
+        For a fork that replays known frames first, they end at the replayed frame. While frames are only recorded, they
+        are the final ones of the recorded run.
         """
         if self._recording is not None:
             return self._recording.trajectories()
         return self.stored.final if self.stored is not None else self.playback.finish().trajectories
 
     def rest(self) -> None:
-        """Gives most of its memory back; older frames are read from disk, and more of them are replayed."""
+        """Frees most of its memory. Older frames are read from disk then, and forks replay more frames."""
         self._limit(self._memory_bytes // REST_SHARE)
 
     def wake(self) -> None:
-        """Takes its memory again."""
+        """Gets its full memory again."""
         self._limit(self._memory_bytes)
 
     def _limit(self, memory_bytes: int) -> None:
@@ -268,7 +270,7 @@ class CurrentRun:
     def finished_within(self, timeout_s: float) -> Finished | None:
         """The trajectories as of the last computed frame, while the worker is busy; None where that takes longer.
 
-        Also None while frames are run through again: only the worker may do that, and it would take too long.
+        Also None during a replay: only the worker may replay frames, and it would take too long.
         """
         if self.catching_up:
             return None
@@ -279,18 +281,18 @@ class CurrentRun:
         return found[0] if found else None
 
     def doing(self, source: str) -> str:
-        """What takes its time when a frame does."""
+        """Returns a phrase about the work when a frame takes long."""
         if not source.startswith("sim:"):
             return "computing" if self.history else "compiling, then computing"
         return "rendering and computing" if self.history else "building the scene, then"
 
     @property
     def live(self) -> bool:
-        """Whether more frames come than are known now."""
+        """Returns whether a live source still records frames."""
         return self.playback.sequence.grow is not None
 
     def stop(self) -> None:
-        """Of a live source: it records no more, and its camera is free; what came so far stays."""
+        """Ends the recording of a live source and releases its camera. The frames so far are kept."""
         if self.playback.sequence.stop is not None:
             self.playback.sequence.stop()
 
@@ -298,5 +300,5 @@ class CurrentRun:
 def _fulfil(coming: Future[Stepped], step: Callable[[], Stepped]) -> None:
     try:
         coming.set_result(step())
-    except BaseException as fault:  # raised where the result is taken
+    except BaseException as fault:  # it is raised again where the result is read
         coming.set_exception(fault)

@@ -1,4 +1,4 @@
-"""What a run goes on towards: a frame at which something holds."""
+"""Goals of a run: it is computed up to a frame at which a condition holds."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ if TYPE_CHECKING:
 
 
 class Goal:
-    """Looked for at each new frame. Both texts are for the person; empty for none."""
+    """A goal that is tested at each new frame. Both methods return texts for the person, which may be empty."""
 
     def reached(self, run: CurrentRun) -> str | None:
-        """What holds at the newest frame; None if it does not hold there."""
+        """Returns a text about the newest frame if the goal is reached there, else None."""
         raise NotImplementedError
 
     def missed(self, run: CurrentRun) -> str:
-        """That the run has ended, and it held nowhere."""
+        """Returns a text that the run has ended without the goal."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Holds(Goal):
-    """A condition over the quantities of the run."""
+    """The goal that a condition over the quantities of the run holds."""
 
     condition: Expression
 
@@ -39,7 +39,7 @@ class Holds(Goal):
 
 
 def measured(condition: Expression, run: CurrentRun, index: int) -> str:
-    """What was measured at a frame where the condition held."""
+    """Returns the measured values of the condition at a frame where it held."""
     found = values(condition, run.series.row(index, condition.quantities))
     numbers = ", ".join(f"{q.name} {shown(found[q.name], q.unit)}" for q in condition.quantities)
     return f"stopped at frame {index}: {numbers}"

@@ -1,5 +1,5 @@
-"""What moving through a run means, as events: the run's history on the one hand, a target to compute towards on the
-other."""
+"""Moves through a run, as events. A move shows a frame of the history, or sets a target up to which frames are
+computed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from .state import Displayed, Event, Loop, NoticeAdded, State, changed
 
 
 def play(state: State, run: CurrentRun | None, on: bool | None) -> tuple[Event, ...]:
-    """Play, pause, or (None) whichever it is not doing. At the end, playing starts over, or at the loop's start."""
+    """Plays, pauses, or (None) changes between the two. At the end, playing starts again at the first frame, or at the
+    start of the loop."""
     playing = run is not None and (not state.playing if on is None else on)
     events: list[Event] = [changed(playing=playing, target=None)]
     if playing and run is not None and run.done and state.index >= state.total - 1 and run.history:
@@ -35,7 +36,7 @@ def seek(run: CurrentRun | None, index: int) -> tuple[Event, ...]:
 
 
 def step(state: State, run: CurrentRun | None, count: int) -> tuple[Event, ...]:
-    """Pause, and move by this number of frames, counted from where an earlier move is still going to."""
+    """Pauses and moves by this number of frames, counted from the target of an earlier move that is not reached yet."""
     return seek(run, (state.index if state.target is None else state.target) + count)
 
 
@@ -59,7 +60,7 @@ def step_to(
 
 
 def after_step(goal: Goal | None, run: CurrentRun, target: int) -> tuple[Event, ...]:
-    """What the newest frame means for a move: its goal or its target is reached, or nothing."""
+    """Returns the events after a new frame: those of a reached goal or target, or none."""
     reached = goal.reached(run) if goal is not None else None
     if reached is not None:
         return changed(target=None), *([NoticeAdded(reached, "info")] if reached else [])
@@ -75,7 +76,7 @@ def key_frame(run: CurrentRun) -> Expression:
 
 
 def _to_stereo(state: State, run: CurrentRun, forwards: bool) -> tuple[Event, ...]:
-    """Counted from where an earlier move is still going to."""
+    """Shows the nearest stereo frame, counted from the target of an earlier move that is not reached yet."""
     kinds, at = run.playback.sequence.kinds, state.index if state.target is None else state.target
     among = range(at + 1, len(kinds)) if forwards else range(at - 1, -1, -1)
     index = next((i for i in among if kinds[i] == "stereo"), None)
@@ -109,7 +110,7 @@ def loop_edge(state: State, edge: Literal["start", "end"]) -> tuple[Event, ...]:
 
 
 def set_loop(state: State, start: int, end: int | None) -> tuple[Event, ...]:
-    """Playing goes round between these frames, `end` None for the last one; InputError where that is not two frames."""
+    """Makes playing repeat these frames; `end` None is the last one. InputError for fewer than two frames."""
     last = state.total - 1
     loop = Loop(max(start, 0), None if end is None else min(end, last))
     if loop.start >= (last if loop.end is None else loop.end):
@@ -118,7 +119,7 @@ def set_loop(state: State, start: int, end: int | None) -> tuple[Event, ...]:
 
 
 def around(state: State, run: CurrentRun) -> tuple[Event, ...]:
-    """Back to the start of the loop, where playing came to its end."""
+    """Shows the start of the loop again if playing has reached its end."""
     if state.loop is None or len(run.history) <= state.loop.start:
         return ()
     done = run.done and state.index >= len(run.history) - 1
@@ -127,12 +128,12 @@ def around(state: State, run: CurrentRun) -> tuple[Event, ...]:
 
 
 def due_s(state: State, run: CurrentRun, before_s: float, now_s: float) -> float:
-    """When the frame after the one that is shown is due, at the chosen speed; `before_s` was when that one was.
+    """Returns the time at which the next frame is due at the chosen speed; `before_s` is that of the frame shown.
 
-    Time that was lost is not caught up.
+    Lost time is not made up.
     """
     times, i = run.playback.sequence.times_ns, state.index
     if state.speed is None or not 0 <= i < len(times) - 1:
-        # As fast as possible: as fast as new frames are computed, and the past no faster than eyes follow.
+        # As fast as possible: new frames as fast as they are computed, past frames no faster than eyes can follow.
         return now_s + (1 / 120 if i + 1 < len(run.history) or run.recorded_frames else 0.0)
     return max(now_s, before_s + float(times[i + 1] - times[i]) * 1e-9 / state.speed)

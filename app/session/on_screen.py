@@ -1,4 +1,4 @@
-"""The run that is on the screen, and how another one comes there. Used in the worker's thread alone."""
+"""The run on the screen, and how it is replaced. Only the worker's thread uses it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 
 class OnScreen:
-    """Opens sources and starts runs; services hear of each run that comes and goes."""
+    """Opens sources and starts runs. It notifies services of each run that it shows or removes."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class OnScreen:
             raise InputError("no source is given: type a path, or choose one of the list")
         before, run, shown = self._store.state, self.run, without_secrets(source)
         if run is not None and run.live and shown == before.source:
-            run.stop()  # a camera has to be let go before it can be opened again
+            run.stop()  # a camera must be released before it can be opened again
         self._store.emit(Opening(shown))
         self._store.busy(f"opening {shown}")
         try:
@@ -85,7 +85,7 @@ class OnScreen:
         return True
 
     def show_again(self, run: CurrentRun, source: str, options: SourceOptions) -> None:
-        """Puts a run of a source that was closed on the screen, as it was opened then."""
+        """Shows a run of a closed source again, with the options with which it was opened."""
         if self.run is not None:
             self.run.stop()
         self._keep(self._store.state)
@@ -117,7 +117,7 @@ class OnScreen:
         return CurrentRun(opened, self._setup.history_bytes)
 
     def restart(self, methods: tuple[str, ...], config: Config) -> None:
-        """The run on the screen again, from its first frame on. InputError if there is none."""
+        """Starts the run on the screen again from its first frame. InputError if there is none."""
         if self.run is None:
             raise InputError("there is nothing to run yet: open a source first")
         self.run.require_source()
@@ -127,7 +127,7 @@ class OnScreen:
         self._store.set(playing=True)
 
     def put(self, run: CurrentRun) -> None:
-        """The run that is on the screen from now on; one that is over is shown at its end."""
+        """Puts a run on the screen. A run that is over is shown at its end."""
         self._leave()
         playback, self._player.run = run.playback, run
         if not run.done or (run.stored is not None and not run.stored.unavailable):  # it may be forked or diagnosed
@@ -142,7 +142,7 @@ class OnScreen:
             service.opened(run)
 
     def show(self, run: CurrentRun, resumed: Resumed) -> None:
-        """Another branch of the run on the screen, from now on."""
+        """Shows another branch of the run on the screen."""
         self._leave()
         self._player.run = run
         self._compiling.begin(run.playback)
@@ -150,7 +150,7 @@ class OnScreen:
         self._player.move(changed(playing=False), resumed)
 
     def play_on(self) -> None:
-        """A run that was opened plays by itself; one that is over waits to be looked at."""
+        """Starts to play a run that is computed here. A stored run does not play by itself."""
         if self.run is not None and self.run.stored is None:
             self._store.set(playing=True)
 
@@ -163,7 +163,7 @@ class OnScreen:
             service.leave(self.run)
 
     def _view(self, run: CurrentRun) -> None:
-        """In the viewers from now on; one that was read, as it was recorded."""
+        """Shows a run in the viewers; for a stored run they show its recording."""
         stored, beginning = run.stored, run.recorded.path if run.recorded is not None and run.recorded_frames else None
         self._viewers.open(run.opened, run.history, stored.recording if stored is not None else None, beginning)
 

@@ -1,4 +1,4 @@
-"""Several people at one session: one of them drives, the others follow, or look around on their own."""
+"""Several people at one session. One of them controls it; the others follow, or look around by themselves."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ class Person:
     """One browser, whatever number of pages it has open."""
 
     key: str
-    """What the browser's cookie says; empty for whoever keeps no cookie."""
+    """The value of the browser's cookie; empty for a browser without cookies."""
     may_drive: bool = True
 
 
 class People:
-    """Who has a page open, and who drives. Used in the loop of the server alone.
+    """The people who have a page open, and who of them controls the session (drives). Used in the server's loop only.
 
-    The first one drives, until they hand over, or another who may drive takes over. Somebody whose pages are all closed
-    drives on when they come back (a reload), unless another gave a command meanwhile. Meanwhile the only one who is
-    left of those who may, drives.
+    The first person drives until they hand over, or another who is allowed to drive takes over. A driver who closes all
+    pages still drives on return (a reload), unless another person gave a command meanwhile. Meanwhile, if only one
+    person who is allowed to drive has a page open, this person drives.
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
-        """`changed` is called when what `seen_by` says may have changed."""
+        """`changed` is called when the result of `seen_by` may have changed."""
         self._changed = changed
         self._numbers: dict[str, int] = {}
         self._pages: Counter[Person] = Counter()
@@ -52,25 +52,26 @@ class People:
         self._changed()
 
     def drives(self, person: Person) -> bool:
-        """Whether they may give a command now; they drive from now on where the one who did has no page open."""
+        """Returns whether a person may give a command now. If the driver has no page open, this person becomes the
+        driver."""
         if person != self._driver and person.may_drive and (self._driver is None or self._driver not in self._pages):
             self.take_over(person)
         return person == self._driver
 
     def take_over(self, person: Person) -> None:
-        """They drive from now on, if they may."""
+        """Makes a person the driver, if that is allowed."""
         if person.may_drive:
             self._driver = person
             self._changed()
 
     def hand_over(self, person: Person, number: int) -> None:
-        """Person `number` drives from now on, where `person` does, and that one is there and may."""
+        """Makes person `number` the driver, if `person` drives now, and the other is present and allowed to."""
         heir = next((p for p in self._pages if self._numbers[p.key] == number and p.may_drive), None)
         if heir is not None and person == self._at_the_wheel:
             self.take_over(heir)
 
     def seen_by(self, person: Person) -> dict[str, Any]:
-        """What a page of theirs shows: numbers of people from 1 on."""
+        """Returns what a page of this person shows about the others. People have numbers from 1 on."""
         others = {self._numbers[p.key]: p.may_drive for p in self._pages if p.key != person.key}
         driver = self._at_the_wheel
         return {
@@ -83,21 +84,23 @@ class People:
 
     @property
     def _at_the_wheel(self) -> Person | None:
-        """Who drives of those who have a page open; None where nobody does, and several may."""
+        """Returns the driver among the people with a page open. None if the driver has none, and not exactly one other
+        person is allowed to drive."""
         if self._driver in self._pages:
             return self._driver
         able = [person for person in self._pages if person.may_drive]
         return able[0] if len(able) == 1 else None
 
     def refusal(self, person: Person) -> str:
-        """The notice to somebody whose command would change what others see."""
+        """Returns the notice to a person whose command was refused, because it would change what others see."""
         driver = self._at_the_wheel
         who = "Nobody" if driver is None else f"Person {self._numbers[driver.key]}"
         cure = "; take over to change it" if person.may_drive else ""
         return f"{who} is in control of this session{cure}. You can look around: play, step, loop, and the time axis."
 
     def passes(self, person: Person, viser_message: bytes) -> bool:
-        """Whether a message of their page may reach viser: of one who does not drive, only where they look from."""
+        """Returns whether a message of a person's page may reach viser. For others than the driver, only the viewpoint
+        may."""
         if person == self._driver:
             return True
         try:

@@ -1,4 +1,4 @@
-"""Shows a run frame by frame, at the chosen speed or towards a target, and computes what is not known yet."""
+"""Shows a run frame by frame, at the chosen speed or up to a target, and computes frames that are missing."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .store import Store
 from .viewers import Viewers
 
 LIVE_WAIT_S = 0.05
-"""For an image of a live source at a time."""
+"""Longest wait for the next image of a live source."""
 BEHIND_S = 0.02
-"""How often a frame that is computed in another thread is looked for."""
+"""Interval at which a frame that another thread computes is looked for."""
 ALONE_S = 30.0
-"""Recorded frames are not computed before a viewer shows them move, for a page that opens needs the processor; where
-nobody looks, after so long."""
+"""Time after which recorded frames are computed if nobody looks at them. Otherwise they are computed once a viewer
+plays them, because a page that opens needs the processor."""
 
 
 class Player:
-    """`run` is the one that is on the screen: another object for each start, None before the first."""
+    """Plays `run`, the run on the screen: another object for each start, None before the first."""
 
     def __init__(
         self, store: Store, viewers: Viewers, compiling: Compiling, computed: Callable[[Stepped], None]
@@ -33,19 +33,19 @@ class Player:
         self._store, self._viewers, self._compiling, self._computed = store, viewers, compiling, computed
         self._due_s = 0.0
         self._differing_run: CurrentRun | None = None
-        """The run whose replay is not what is stored of it."""
+        """The run whose replay differs from its stored results; it was reported."""
         self._failed_run: CurrentRun | None = None
-        """The run that cannot be computed while its recorded frames are shown."""
+        """The run that failed while its recorded frames were shown; it is not computed again."""
         self._opened: tuple[CurrentRun | None, float] = (None, 0.0)
-        """The run that was shown last, and since when."""
+        """The run that was shown last, and the time from which on it is shown."""
 
     def move(self, *events: Event) -> None:
-        """From now on as these events say, without waiting for the frame that was due."""
+        """Applies the events of a move at once, without waiting for the frame that was due."""
         self._due_s = 0.0
         self._store.emit(*events)
 
     def patience_s(self, idle_s: float) -> float:
-        """How long nothing is due, at most `idle_s`."""
+        """Returns the time until something is due, at most `idle_s`."""
         state = self._store.state
         if state.target is not None:
             return 0.0
@@ -54,7 +54,8 @@ class Player:
         return min(idle_s, max(0.0, self._due_s - time.monotonic())) if state.playing else idle_s
 
     def advance(self) -> None:
-        """One frame on, where it is time for that; of recorded frames, one more is computed meanwhile."""
+        """Shows or computes the next frame if it is due. Of a run with recorded frames, one of these is computed
+        meanwhile."""
         run, state = self.run, self._store.state
         if run is None:
             self._store.set(playing=False, target=None)
@@ -82,7 +83,7 @@ class Player:
             self._due_s = moves.due_s(self._store.state, run, self._due_s, time.monotonic())
 
     def _compute_behind(self, run: CurrentRun) -> None:
-        """Recorded frames are computed in another thread, while they are shown."""
+        """Computes recorded frames in another thread while they are shown."""
         self._store.set(recorded=run.recorded_frames)
         if run is not self._opened[0]:
             self._opened = run, time.monotonic()
@@ -92,12 +93,12 @@ class Player:
         if waits or not self._compiling.over(run.playback):
             return
         if run.begin_step():
-            self._failed_run = run  # unless the next line comes to its end: a fault is shown once
+            self._failed_run = run  # reset below; if the next line raises, the fault is shown only once
             self._replace(run)
             self._failed_run = None
 
     def _replace(self, run: CurrentRun) -> None:
-        """One more of the recorded frames is computed: it takes the place of the recorded one, also on the screen."""
+        """Replaces a recorded frame by the computed one, also on the screen."""
         event, record = run.step()
         self._store.set(recorded=run.recorded_frames, activity=None)
         if record.index == self._store.state.index:
@@ -106,7 +107,7 @@ class Player:
         self._computed(event)
 
     def _more(self, run: CurrentRun) -> bool:
-        """Whether there is a frame to compute; a live source is waited for a while."""
+        """Returns whether there is a frame to compute; for a live source it waits up to LIVE_WAIT_S."""
         live = run.live
         found = run.playback.more(LIVE_WAIT_S)
         if live:
@@ -122,7 +123,7 @@ class Player:
         if run.catching_up:
             self._store.busy(f"replaying frame {run.playback.position} up to {len(run.history)}")
             if (difference := run.catch_up()) and run is not self._differing_run:
-                self._differing_run = run  # reported once: what follows from the first difference differs as well
+                self._differing_run = run  # reported once: after the first difference, later results differ, too
                 self._store.emit(NoticeAdded(difference))
             return
         self._store.busy(f"{run.doing(self._store.state.source)} frame {run.history.computed}")

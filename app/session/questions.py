@@ -1,4 +1,4 @@
-"""The question before something is lost: what a command would close, and the person's answer."""
+"""The question to a person before a command closes a run that would be lost, and the answer."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from .store import Store
 
 
 class Questions:
-    """One at a time is on the screen; another run forgets it."""
+    """Shows at most one question at a time; it is dropped when another run is shown."""
 
     def __init__(self, store: Store, services: Services) -> None:
         self._store, self._services = store, services
         self._pending: Command | None = None
-        """What the question on the screen is about."""
+        """The command that waits for an answer."""
         self._count = 0
 
     def asks(self, command: Command, what: str) -> bool:
-        """Asks where the command would lose something, and returns whether it did. `what` closes the run, as the
-        beginning of a sentence."""
+        """Shows a question if the command would lose something, and returns whether it did. `what` is the beginning of
+        the sentence: it names what closes the run."""
         lost = self._loss(live=not isinstance(command, Restart), kept=command.keeps)
         if lost:
             self._count += 1
@@ -33,7 +33,7 @@ class Questions:
         return bool(lost)
 
     def answered(self, answer: Confirm) -> Command | None:
-        """Closes the question; the command that it was about, where that is to be carried out."""
+        """Closes the question. Returns its command if the answer is yes, else None."""
         question, command = self._store.state.question, self._pending
         if question is None or command is None or answer.number != question.number:
             return None
@@ -42,8 +42,8 @@ class Questions:
         return command if answer.yes else None
 
     def _loss(self, *, live: bool, kept: bool) -> list[str]:
-        """What would be lost if the run were closed; nothing that is kept elsewhere or can be had again. A live run is
-        counted only if asked for, and forks only where they are not `kept` in the table of runs."""
+        """Returns phrases about what is lost if the run is closed, without what is stored or can be computed again.
+        `live`: includes a live run; `kept`: the forks are kept in the table of runs, so they are not lost."""
         state = self._store.state
         lost = [] if kept else [each for service in self._services for each in service.loss()]
         if (

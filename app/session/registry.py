@@ -1,8 +1,8 @@
 """What the features bring to a session, found by listing the folder `features`.
 
 A feature is a folder. Of its modules these are imported here, if it has them: `state` with a `FeatureState`,
-`commands` with commands, `service` with a `Service`, and `page_message` with what goes between it and a page. Nothing
-else is edited for a new one.
+`commands` with commands, `service` with a `Service`, and `page_message` with the messages between it and a page. A new
+feature needs no other change.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ PARTS = ("state", "commands", "service", "page_message")
 
 
 def load_features() -> None:
-    """Imports what the features bring to a session."""
+    """Imports these modules of all features."""
     for part in PARTS:
         list(modules(part))
 
 
 def services() -> list[type[Service]]:
-    """That of the branches, and those of the features."""
+    """Returns the service of the branches, and those of the features."""
     found = (value for module in modules("service") for value in vars(module).values())
     own = (kind for kind in found if isinstance(kind, type) and kind in Service.__subclasses__())
     return list(dict.fromkeys((BranchService, *own)))

@@ -1,4 +1,4 @@
-"""What a feature does in the worker's thread in addition to its commands, and stores there in addition to its state."""
+"""The part of a feature that works in the worker's thread, in addition to its commands and its state."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Service:
-    """One of each subclass lives as long as the session. All of it is called in the worker's thread."""
+    """Base of services. One object of each subclass lives as long as the session; the worker's thread calls it."""
 
     place = 0
     """Services are called in the order of their places."""
@@ -50,22 +50,22 @@ class Service:
         """Called once, before the first source is opened."""
 
     def opened(self, run: CurrentRun) -> None:
-        """Another run is on the screen, from its first frame on, or one that is over."""
+        """Called when another run is on the screen, which begins or is over."""
 
     def leave(self, run: CurrentRun | None) -> None:
-        """This run is about to leave the screen."""
+        """Called before this run leaves the screen."""
 
     def keep(self, before: State) -> None:
-        """Another source takes the place of the run on the screen, which was in this state: keeps what should stay."""
+        """Called before another source replaces the run on the screen, which has this state: keeps what should stay."""
 
     def computed(self, event: Stepped) -> None:
-        """The run on the screen has computed another frame."""
+        """Called when the run on the screen has computed a frame."""
 
     def check(self, command: Command) -> None:
         """Raises InputError for a command that is not possible now."""
 
     def loss(self) -> list[str]:
-        """What would be lost if the run were closed now, as parts of a sentence."""
+        """Returns parts of a sentence about what would be lost if the run were closed now."""
         return []
 
     @property
@@ -74,13 +74,13 @@ class Service:
         return frozenset()
 
     def watch(self) -> None:
-        """A little of the work that goes on without commands."""
+        """Does a little of the work that needs no command."""
 
     def failed(self) -> None:
-        """A command, or the run, failed."""
+        """Called when a command or the run failed."""
 
     def close(self) -> None:
-        """The session ends."""
+        """Called at the end of the session."""
 
     def close_now(self) -> None:
-        """The session ends while the worker is busy: closes what must not be lost. Called in another thread."""
+        """Called in another thread when the session ends while the worker is busy: closes what must not be lost."""

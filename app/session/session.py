@@ -1,4 +1,4 @@
-"""One run at a time behind the page: commands in, states out. This is what other threads see of it."""
+"""The session as other threads use it: they post commands and read states. It has one run at a time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Session:
     """`post` and `state` are for any thread, and neither ever waits."""
 
     def __init__(self, setup: SessionSetup, live: EventSink | None = None) -> None:
-        """`live` shows what is computed."""
+        """`live` gets the events of the run, and shows them."""
         self.folders, self.recordings_dir = setup.folders, setup.recordings
         load_features()
         self._store = Store(
@@ -46,7 +46,7 @@ class Session:
         self._worker.start()
 
     def post(self, command: Command) -> None:
-        """Queues a command; what became of it shows in `state`."""
+        """Queues a command; its effect appears in `state`."""
         self._worker.post(command)
 
     @property
@@ -55,11 +55,11 @@ class Session:
 
     @property
     def run(self) -> CurrentRun | None:
-        """The run that is on the screen. Another object for each start: readers take it once, and stay with it."""
+        """Returns the run on the screen. Each start makes another object, so read it once and use that."""
         return self._controller.run
 
     def service(self, kind: type[S]) -> S:
-        """A feature's service, whose methods are for the worker's thread unless they say otherwise."""
+        """Returns a feature's service. Only the worker's thread may call its methods, unless they say otherwise."""
         return self._controller.service(kind)
 
     def extra(self, kind: type[T]) -> T:
@@ -85,9 +85,9 @@ class Session:
         return self.run.known_at(index) if self.run is not None else RunModel.start(())
 
     def close(self, timeout_s: float) -> bool:
-        """Closes the recordings, the final trajectories included, and ends the worker.
+        """Closes the recordings, including final trajectories, and ends the worker.
 
-        False where that is too busy: what was computed by then is recorded even so, within about a second more.
+        Returns False if the worker is too busy. The computed frames are recorded even then, within about a second more.
         """
         if self._worker.close(timeout_s):
             return True

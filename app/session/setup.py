@@ -1,4 +1,4 @@
-"""How a session is set up: what the command line says, and what a test puts in its place."""
+"""The setup of a session, from the command line or from a test."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from .sources.folders import Folders, RecentSources
 
 @dataclass(frozen=True)
 class SessionSetup:
-    """The same for as long as the session lives: what a person changes later belongs to the run in which it was."""
+    """Values that stay the same for the whole session. What a person changes later belongs to the run."""
 
     opener: Callable[..., Sequence]
     """`opener(source)` opens with the options of the command line, `opener(source, options)` with those of the page."""
     source: str
-    """Opened first. Empty: the session waits for the first command that opens one."""
+    """The source that is opened first. Empty: the session waits for a command that opens one."""
     recordings: Path
     """The folder of runs and recordings."""
     methods: tuple[str, ...] | None = None
-    """None: all that a source has the cameras for."""
+    """Methods to run. None: all for which a source has the cameras."""
     variant: Variant = "modern"
-    """Of the methods that run where nobody chose any."""
+    """Variant of the methods that run if nobody chose any."""
     config: Config = field(default_factory=Config)
     source_options: SourceOptions = field(default_factory=SourceOptions)
     """Those of the command line."""
     autoplay: bool = True
     compiling: Callable[[tuple[str, ...], Config], None] = lambda *_: None
-    """Begins to compile what settings need, when they are about to run."""
+    """Begins to compile for methods and settings that are about to run."""
     builder: Builder = build
     """Makes the estimators."""
     history_bytes: int = MEMORY_BYTES
-    """What the frames of a run may take of memory."""
+    """Most memory for the frames of a run."""
     folders: Folders = field(default_factory=Folders)
     """Where the page may look for sources."""
     recent: RecentSources = field(default_factory=lambda: RecentSources(None))
@@ -48,7 +48,8 @@ class SessionSetup:
     trajectory_options: tuple[TrajectoryOption, ...] = ()
     """Trajectories of other programs."""
     compare_images: bool = False
-    """Gives no image of a stored run before all were compared with those that it saw: an agent sees them."""
+    """Whether images of a stored run are compared with those that the run saw before any is given, because an agent
+    sees them."""
     extras: tuple[object, ...] = ()
     """Values that features look up by their type."""
     beginnings: Mapping[str, Path] = field(default_factory=dict)

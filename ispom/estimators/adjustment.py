@@ -1,4 +1,4 @@
-"""What the optimisers of this package say of an adjustment: its cost, its iterations, and the window that it was of."""
+"""Decisions that all optimisers of this package report about an optimisation: cost, iterations, and window."""
 
 from __future__ import annotations
 
@@ -45,5 +45,5 @@ WINDOW = Check(
 
 
 def optimised(before: float, after: float, iterations: int, most_iterations: int) -> tuple[Decision, ...]:
-    """Of half the robust sums of squares before and after, and of the iterations that it took."""
+    """Returns decisions about the cost (half the robust sum of squares) before and after, and about the iterations."""
     return COST.of(after, before), ITERATIONS.of(iterations, most_iterations)

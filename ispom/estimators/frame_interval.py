@@ -14,7 +14,7 @@ class FrameInterval:
     recent_ns: tuple[int, ...] = ()
 
     def after(self, time_ns: int) -> FrameInterval:
-        """With one more frame."""
+        """Returns the interval updated by one more frame."""
         if self.last_ns is None or time_ns <= self.last_ns:
             return FrameInterval(time_ns, self.recent_ns)
         return FrameInterval(time_ns, (*self.recent_ns, time_ns - self.last_ns)[-REMEMBERED:])

@@ -1,4 +1,4 @@
-"""What a single camera tracked in one frame, and the scene points of the tracks: shared by the monocular methods."""
+"""The tracks of a single camera in one frame, and their scene points, for all monocular methods."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ispom.solvers.multiview.rotation import dominant_rotation, median_displacem
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
 MIN_COMMON = 8
-"""With fewer points in common two frames show no parallax: a median of so few may be that of outliers."""
+"""Least number of common points for a parallax of two frames: a median of fewer may be that of outliers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class TrackedFrame:
         return self.x[np.searchsorted(self.ids, ids)]
 
     def common(self, other: TrackedFrame) -> int:
-        """How many points both frames have."""
+        """Returns the number of points that both frames have."""
         return len(common(self.ids, other.ids)[0])
 
     def without(self, ids: NDArray[np.int64]) -> TrackedFrame:
@@ -50,13 +50,14 @@ class TrackedFrame:
         return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
 
     def with_updated_coordinates(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:
-        """With other coordinates (M, 2) of those of the points (M,) that it has."""
+        """Returns the frame with new coordinates (M, 2) of the points (M,); points that it does not have are
+        skipped."""
         place, moved = places(self.ids, ids), self.x.copy()
         moved[place[place >= 0]] = x[place >= 0]
         return replace(self, x=moved)
 
     def with_new(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:
-        """With points (M,), (M, 2) first seen in it; their ids are larger than all others."""
+        """Returns the frame with new points `ids` (M,) at `x` (M, 2); their ids are larger than all others."""
         return replace(self, ids=np.concatenate([self.ids, ids]), x=np.concatenate([self.x, x]))
 
 
@@ -74,11 +75,11 @@ class ScenePoints:
         return places(self.ids, ids)
 
     def count(self, ids: NDArray[np.int64]) -> int:
-        """How many of the ids (K,) are points."""
+        """Returns how many of the ids (K,) are points."""
         return int(np.count_nonzero(self.places(ids) >= 0))
 
     def merged(self, newer: ScenePoints) -> ScenePoints:
-        """Both, the newer position where both have one."""
+        """Returns the points of both; a point in both has its newer position."""
         kept = ~np.isin(self.ids, newer.ids)
         ids, xyz = np.concatenate([self.ids[kept], newer.ids]), np.concatenate([self.xyz[kept], newer.xyz])
         order = np.argsort(ids)

@@ -91,7 +91,7 @@ class Delta:
 
 
 MAX_OFF = 0.25
-"""Largest relative difference of the time of a motion from the one asked for."""
+"""Largest relative difference of the duration of a motion from the requested one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,8 @@ PATCH_RADIUS_PX = 4
 STEP_PX, MAX_STEPS = 1.5, 128
 """Step between positions on the epipolar line, and their largest number."""
 MIN_CORRELATION, MAX_RATIO, NEIGHBOURS = 0.8, 0.95, 3
-"""Least correlation of a match; largest ratio of the second best correlation to the best one, not counting so many
-neighbours of the best position."""
+"""Least correlation of a match; largest ratio of the second best correlation to the best one; number of neighbours, on
+each side of the best position, that are not the second best."""
 MIN_TEXTURE = 4.0
 """Least standard deviation of a patch [grey levels]."""
 MAX_EPIPOLAR_PX = 1.0

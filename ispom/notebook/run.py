@@ -38,8 +38,9 @@ def run(
 ) -> Run:
     """Runs a method, with those that it depends on, over a source.
 
-    `rig` and `rate_hz` are for images only; `frames` ends the run after so many. `settings` are those of the method,
-    as in max_tracks=300. Raises InputError where the source or the method cannot be used, or a setting is none.
+    `rig` and `rate_hz` are for images only. `frames` is the number of frames after which the run ends. `settings` are
+    settings of the method, as in max_tracks=300. Raises InputError where the source or the method cannot be used, or
+    where the method has no such setting.
     """
     sequence = opened(source, rig, rate_hz)
     if frames is not None:

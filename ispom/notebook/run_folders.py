@@ -21,7 +21,8 @@ class RunFolders:
     read: Callable[[Path, str | None], Any]
     """Reads the StoredRun of a method; of the only one where None is given. Raises InputError."""
     show: Callable[[Any, int | None, float], Any]
-    """Shows a Run, a StoredRun or a Stepper in a cell, beginning at a frame, in so many MB. Raises InputError."""
+    """Shows a Run, a StoredRun or a Stepper in a cell. The arguments after it are the first frame and the most MB.
+    Raises InputError."""
 
 
 REGISTRY = Registry("ispom.run_folders", RunFolders, "kind of run folder", ())

@@ -85,7 +85,8 @@ class Stepper:
         raise StopIteration
 
     def back(self, steps: int = 1) -> None:
-        """Goes back by so many steps: the next one is the same again. Raises InputError beyond the window."""
+        """Goes back by `steps` steps; the next step then has the same result again. Raises InputError beyond the
+        window."""
         if not 0 <= steps < len(self._states):
             raise InputError(
                 f"back({steps}): {len(self._states) - 1} steps are kept; give stepper(..., window=N) for more"

@@ -19,16 +19,16 @@ from ispom.types import Image, as_grey
 SIDE = 48
 """Longer side of thumbnails [px]: features that a hand's tremble moves are averaged out."""
 BEFORE_AND_AFTER = 6
-"""A change is compared with so many before and after it,"""
+"""Number of changes before a change, and after it, with which it is compared."""
 CUT, CUT_LEVEL = 2.5, 0.2
-"""and is a cut where it is so many times the largest of them, and this share of the contrast. The largest of 20 real
-recordings without a cut had 1.6 times."""
+"""A cut is a change of at least this multiple of the largest of those, and of at least this share of the contrast. The
+largest change in 20 real recordings without a cut was 1.6 times the others."""
 STILL, LEAST_STILL = 0.01, 3
-"""Images differ by less than this share of the contrast where nothing moves, and so many changes in a row make a title:
-codecs change still images by a thousandth."""
+"""Share of the contrast by which images change less where nothing moves, and the least number of such changes in a row
+that make a title. Codecs change still images by a thousandth."""
 REPEATED, LEAST_REPEATED, MOVING = 0.05, 3, 0.03
-"""Images are repeated where they change by less than this share of the usual change, at so many places or more, in a
-film that usually changes by so much of its contrast."""
+"""An image is repeated where it changes by less than this share of the usual change. Repeated images are reported from
+this number on, and in films that usually change by more than this share of their contrast."""
 EVEN = 1.5
 """Images are missing, as their times say, where an interval is longer than this many usual ones."""
 

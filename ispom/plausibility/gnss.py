@@ -12,7 +12,7 @@ from ispom.plausibility.imu import turned_about_up
 NULL_DEG = 1e-7
 """Nearer to 0, 0 (1 cm) no fix is: receivers write that where they have none."""
 NEAR_DEG = 1.0
-"""Where another fix is so near to it, the recording is of that place."""
+"""If another fix is as near to it as this, the recording is of that place."""
 NEAR_NULL_DEG = 0.02
 """Radians up to this are places within 1.2 degrees of 0, 0: then nothing tells the two apart."""
 HIGHEST_M, LOWEST_M = 50_000.0, -1_000.0
@@ -20,8 +20,8 @@ HIGHEST_M, LOWEST_M = 50_000.0, -1_000.0
 FASTEST_M_S = 400.0
 """No airliner is as fast over ground (340 m/s in a jet stream)."""
 JUMP_M, JUMP_RATIO = 5_000.0, 10.0
-"""A shorter step is no jump unless it is faster than that; a longer one is where it is so many times faster than the
-others."""
+"""Length above which a step is a jump already where its speed exceeds this multiple of the usual speed. A shorter step
+is a jump only above FASTEST_M_S."""
 FAR_M = 50_000.0
 """The first fix lies near the origin of a local frame: at 50 km, its plane is 200 m above the ground."""
 EARTH_M = (6.33e6, 6.42e6)

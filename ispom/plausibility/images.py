@@ -16,8 +16,9 @@ may be defective."""
 FROZEN = 4
 """Number of images from which on equal ones are worth a sentence: noise differs from image to image."""
 COMBED, COMBED_SHARE, CONTRAST = 1.25, 0.1, 8.0
-"""In images of two fields the next row differs more than the one after it, by so much, in so many blocks of those with
-a contrast of so many grey values. In a whole image the next row is at least as alike."""
+"""In images of two fields a row differs more from the next row than from the one after it. Least ratio of the two
+differences; share of blocks above which the image has two fields; contrast [grey levels] above which a block counts.
+In a whole image the next row is at least as similar."""
 BLOCK, LEAST_BLOCKS = 16, 8
 """Side of a block [px], and the least number of those with contrast for a judgement."""
 OPAQUE, CLEAR = 128, 0.5

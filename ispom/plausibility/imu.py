@@ -25,7 +25,8 @@ IN_G, STEADY = (0.75, 1.3), 0.3
 OTHER_BODIES = ((1.4, 1.9), (3.4, 4.0))
 """[m/s^2] Moon and Mars."""
 HOLE_S, HOLE_STEPS = 0.5, 10
-"""A hole: so long, and so many intervals. Dead reckoning over 0.5 s at 1 m/s^2 is wrong by 0.12 m."""
+"""Least duration of a hole [s], and its least length in usual intervals. Dead reckoning over 0.5 s at 1 m/s^2 is wrong
+by 0.12 m."""
 SLOWEST_HZ = 9.5
 """Motion of a hand or a wheel changes within 0.1 s; 10 Hz is the slowest rate of published recordings (KITTI)."""
 WINDOWS, STEPS = 40, 100

@@ -25,7 +25,8 @@ LEAST_WEIGHT = 1e-6
 
 
 def spaced(rotations: Array, angle_rad: float, most: int) -> NDArray[np.int64]:
-    """Returns which of rotations (N, 3, 3) to use, at most so many: each differs by an angle from those before it."""
+    """Returns the indices of at most `most` of `rotations` (N, 3, 3), where each differs from those before it by
+    `angle_rad` or more."""
     chosen = list[int]()
     for i, rotation in enumerate(rotations):
         if len(chosen) == most:

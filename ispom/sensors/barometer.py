@@ -22,7 +22,7 @@ from ispom.types import Measurement, Sensor
 
 SEA_LEVEL_PA, SCALE_M, EXPONENT = 101_325.0, 44_330.8, 0.190263
 NEAR_S = 0.05
-"""A reading belongs to a node that is at most so much later [s]."""
+"""Largest time from a reading to the node to which it belongs [s]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -28,7 +28,7 @@ SIDEWAYS = 0.01
 FREE_RAD = 0.1
 """Standard deviation of the rotation that one wheel does not measure [rad]."""
 SLIP_SIGMAS = 3.0
-"""What so many standard deviations of the wheels explain is no slip."""
+"""Standard deviations of the wheels up to which a difference from the images is no slip."""
 STEP_NS = 5_000_000
 """Simulated wheels roll straight within this time."""
 SLIP = Check(

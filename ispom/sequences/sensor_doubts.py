@@ -18,7 +18,7 @@ from ispom.sensors.kind import Readings
 from ispom.types import FRAME_KINDS, FrameName, Kind, Measurement, Rig, Sequence
 
 LEAST_SHARE = 0.9
-"""Gravity is the mean specific force where the mean is so much of the mean length: the unit hardly turned."""
+"""Least ratio of the mean specific force to its mean length with which it is gravity: the unit hardly turned."""
 
 
 DISTURBING = ("time_unit", "imu_swapped", "imu_all_zero", "gyroscope_in_degrees", "gnss_all_zero", "gnss_jump")

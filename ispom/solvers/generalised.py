@@ -240,7 +240,7 @@ class Adjusted:
     """Relative standard deviation of the best determined length, which is the displacement or the depth of several
     points; inf where nothing determines the scale."""
     scale_step: float = 0.0
-    """Relative change of the displacement's length in the next step, if no prior held it."""
+    """Relative change of the displacement's length in the next step, without a prior on it."""
 
 
 def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE_LENGTH) -> Adjusted:

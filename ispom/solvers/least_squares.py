@@ -238,8 +238,8 @@ def adjust(
     `narrow` is for correlated unknowns, as where the scale is nearly free: they are damped less. `curved` is for
     narrow, bent valleys of the cost, as where focal length, depths and rotations are correlated: a straight step soon
     leaves them and is rejected. Geodesic acceleration (Transtrum & Sethna, arXiv:1201.5885) corrects a step by the
-    residuals' second derivative along it, with the same equations. `sought` of the shared unknowns, the first ones, may
-    be all that is asked for: it ends, too, when these have settled.
+    residuals' second derivative along it, with the same equations. `sought` is the number of first shared unknowns that
+    the caller needs: the iterations also end when these have converged.
     """
     linearised_at: list = [None, None, None]
     course = _Course(sought)
@@ -287,7 +287,7 @@ def remaining_change(last: Array, step: Array) -> Array:
 
 
 class _Course:
-    """The steps of the unknowns that are asked for."""
+    """The steps of the unknowns that the caller needs."""
 
     def __init__(self, sought: int) -> None:
         self.sought = sought
@@ -299,7 +299,7 @@ class _Course:
             self.step, self.sigma = shared[: self.sought], eliminated.sigmas(self.sought)
 
     def settled(self) -> bool:
-        """Takes that step; returns whether what remains of the way is small for each unknown's standard deviation."""
+        """Adds a step. Returns whether the remaining change is small for each unknown's standard deviation."""
         last, self.last = self.last, self.step
         return self.sought > 0 and bool((np.abs(remaining_change(last, self.step)) < SETTLED * self.sigma).all())
 

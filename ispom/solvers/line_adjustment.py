@@ -171,7 +171,7 @@ def adjusted(views: LineViews, directions: list[KnownDirections], sigma: float, 
         for i, part in parts:
             np.add.at(mixed, (n, i), np.einsum("mei,me,mej->mij", part, weight, by_rho))
 
-        # Inverse depths are eliminated (Schur complement); those without parallax are held by the damping.
+        # Inverse depths are eliminated (Schur complement); damping keeps those without parallax constant.
         depth[:, [0, 1], [0, 1]] *= 1 + damping
         depth += 1e-3 * np.eye(2)
         inverse = np.linalg.inv(depth)

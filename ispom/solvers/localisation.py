@@ -123,7 +123,7 @@ class Policy:
     limit: float
     """Largest reprojection error of an inlier."""
     sample_limit: float
-    """The same in RANSAC."""
+    """Inlier threshold in RANSAC."""
     poor: float = np.inf
     """Median error of the inliers above which a pose from a prediction is poor, so that RANSAC is tried, too."""
 

@@ -8,9 +8,9 @@ in the right image (Brown 1971 for distortion, signs as in OpenCV). The pattern 
 perfect camera would observe. At the observed position instead, distortion errors of 0.01 would leave up to 0.7 px. The
 left camera has the shared distortion only, see window.Window.
 
-A rotation about x or y and a shift of the principal point differ to second order only. So the shift that they have in
-common, the offset in the middle of the image, is one unknown, which is well determined. `pitch` and `yaw` are the
-second-order remainder. Columns and rows together distinguish rotation from decentring.
+A rotation about x or y and a shift of the principal point differ to second order only. So their common shift, the
+offset in the middle of the image, is one well-determined unknown. `pitch` and `yaw` are the second-order remainder.
+Columns and rows together distinguish rotation from decentring.
 """
 
 from __future__ import annotations

@@ -83,8 +83,9 @@ class Sequence:
     prepare: Callable[[int], None] | None = None
     """Renders or reads measurements from i on in the background; None where loading is always fast."""
     grow: Callable[[int, float | None], Sequence] | None = None
-    """For a live source: waits for more than N measurements, at most so many seconds (None: until it ends), and returns
-    the sequence of all measurements so far. Raises InputError where the source fails. None for a complete sequence."""
+    """For a live source: waits for more measurements than the first argument says, at most for the seconds of the
+    second (None: until the source ends), and returns the sequence of all measurements so far. Raises InputError where
+    the source fails. None for a complete sequence."""
     stop: Callable[[], None] | None = None
     """For a live source: ends the recording and releases the camera; all measurements so far are kept."""
     guess: Guess | None = None

@@ -89,7 +89,7 @@ def filmed(seed: int, cameras: str, methods: tuple[str, ...]) -> Iterator[Filmed
 
 @contextmanager
 def _opened(seed: int, cameras: str) -> Iterator[Sequence]:
-    # Not with the user's simulations: so many flights would push out the ones that are really used.
+    # Not with the user's simulations: the flights of a study would push out the ones that are really used.
     cache = default_folder().parent / "cameras"
     sequence = open_scenario(scenario_of_words(f"{FLIGHT}&{CAMERAS[cameras]}"), seed, cache)
     if sequence.prepare:

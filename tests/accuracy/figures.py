@@ -202,7 +202,7 @@ def _over_segments(parts: list[dict[str, Any]]) -> float | None:
 
 
 def rounded(value: float, digits: int = 4) -> float:
-    """Returns the value with so many significant digits."""
+    """Returns the value rounded to `digits` significant digits."""
     return float(f"{value:.{digits}g}")
 
 

@@ -70,7 +70,7 @@ class Options:
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
     """Covariances against errors."""
     measured = []
-    # Not the user's cache: so many flights would push out the ones that are really used.
+    # Not the user's cache: the flights of a study would push out the ones that are really used.
     with tempfile.TemporaryDirectory() as folder:
         methods = [m for m in names() if not options.methods or m in options.methods]
         for method, cameras in itertools.product(methods, KNOWN):

@@ -13,9 +13,9 @@ from ispom.simulation.rendering.materials import Material, Surfaces
 from ispom.simulation.rendering.scene import Colour, Scene
 
 ALIKE_M = 20.0
-"""All that stands on so many metres of a street, houses and what is before them, stands on the next ones again."""
+"""Period of a street: houses, and what stands before them, repeat after this length."""
 FROM_M, COUNT = 26.0, 4
-"""From the middle of a crossing to the first of them, and how many a street has."""
+"""Distance from the middle of a crossing to the first period, and the number of periods of a street."""
 _UP_M = 0.02
 _GROUND: Colour = (150, 146, 138)
 _ROAD: Colour = (104, 104, 108)

@@ -35,7 +35,7 @@ STILL = frozenset({"hard/bear_zoom", "hard/rollercoaster_pan", "hard/box_handhel
 """The camera only zooms, only rotates, or stands still before a moving object: every map is false, and the fewer frames
 are located the better."""
 DEFAULT_CPU_S = 5.0
-"""The cheapest entries, up to so many seconds in all, are part of the default run; the others are slow."""
+"""Most seconds that the entries of the default run take together. They are the cheapest ones; the others are slow."""
 ENTRIES = {(name, method): figures for name, by in read_figures().items() for method, figures in by.items()}
 EXACT = Figures(100, 90, 2, 1.0, "se3", 50.0, 0.5, 1.0)
 

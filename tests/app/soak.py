@@ -77,7 +77,7 @@ class Walker:
 
 
 def _straight(times_ns: tuple[int, ...], version: int) -> Trajectory:
-    """Along z, as it is known after so many steps."""
+    """A trajectory along z, as it is known after `version` steps."""
     times = np.array(times_ns, np.int64)
     places = np.stack([0.0 * times, np.full(len(times), 1e-3 * version), 1e-9 * times], axis=1)
     return Trajectory(times, np.tile(np.eye(3), (len(times), 1, 1)), places)

@@ -21,7 +21,7 @@ SIZES_KB = (64, 100, 150, 200, 250, 300, 350, 400, 450, 500, 550, 600, 650, 700,
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
-    """Mounts a disk of so many kB; skips where that is not allowed."""
+    """Mounts a disk of `size_kb`; skips the test where that is not allowed."""
     place = tmp_path / "disk"
     place.mkdir()
 

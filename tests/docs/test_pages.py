@@ -169,7 +169,7 @@ def test_long_commands_stay_in_their_frame() -> None:
 
 
 def test_what_is_printed_stays_in_its_frame() -> None:
-    """A frame of the site has room for so many characters in a window of 1280 pixels."""
+    """A frame of the site has room for 90 characters in a window of 1280 pixels."""
     for page in sorted(DOCS.rglob("*.md")):
         for block in re.findall(r"^```text\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
             assert max(map(len, block.splitlines())) <= 90, page

@@ -25,7 +25,7 @@ def holds(expression: Expression, now: Row, before: Row) -> bool:
 
 
 def number(expression: Expression, now: Row, before: Row) -> float | None:
-    """Returns its number at a frame; None where something in it is missing."""
+    """Returns the value of a numeric expression at a frame; None where one of its quantities is missing."""
     value = expression.value(now, before)
     return float(value) if isinstance(value, int | float) else None
 
@@ -36,7 +36,8 @@ def values(expression: Expression, now: Row) -> dict[str, Value]:
 
 
 def matches(expression: Expression, series: Series, index: int) -> bool:
-    """Whether it holds at a frame. Evaluated where a method that it names stepped, as by `ispom run --until`."""
+    """Returns whether the expression holds at a frame. As with `ispom run --until`, it never holds at frames where none
+    of the methods that it names stepped."""
     if not series.stepped(expression.methods, index):
         return False
     now, before = (series.row(i, expression.quantities) for i in (index, index - 1))
@@ -49,7 +50,7 @@ def first_match(expression: Expression, series: Series, among: Iterable[int]) ->
 
 
 def hits(expression: Expression, series: Series, count: int) -> int:
-    """At how many of the first `count` frames it holds."""
+    """Returns at how many of the first `count` frames the expression holds."""
     return sum(matches(expression, series, i) for i in range(count))
 
 
@@ -61,7 +62,7 @@ class Stop:
     exposure: int
     time_ns: int
     values: Mapping[str, Value]
-    """By name: of all that the expression speaks of."""
+    """Values of all quantities that the expression names, by name."""
 
     def __str__(self) -> str:
         current_values = (f"{q.name} {shown(self.values[q.name], q.unit)}" for q in self.expression.quantities)
@@ -92,7 +93,7 @@ class Until:
             self.stop = Stop(self.expression, event.index, time_ns, values(self.expression, self.row))
 
     def __str__(self) -> str:
-        """How it ended; empty where there is no condition."""
+        """Describes how the run ended; empty where there is no condition."""
         never = f"--until never held: {self.expression.text}" if self.expression else ""
         return never if self.stop is None else str(self.stop)
 
@@ -108,7 +109,7 @@ def until(text: str | None) -> Expression | None:
 
 
 def require_run(expression: Expression | None, methods: Iterable[str]) -> None:
-    """InputError where it speaks of a method that is not among these."""
+    """Raises InputError where the expression names a method that is not one of `methods`."""
     running = tuple(methods)
     if expression and (missing := [q.name for q in expression.quantities if q.method not in ("", *running)]):
         raise InputError(f"--until names {missing[0]}, but {', '.join(running)} run here: give other --methods")

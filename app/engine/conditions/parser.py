@@ -54,12 +54,12 @@ class Expression:
 
     text: str
     quantities: tuple[Quantity, ...]
-    """What it names, each once, from left to right."""
+    """The quantities that the expression names, each once, from left to right."""
     value: Evaluate = field(compare=False, repr=False)
 
     @property
     def methods(self) -> frozenset[str]:
-        """Whose steps it names; "" where it names the frame itself."""
+        """Methods whose quantities the expression names; "" where it names one of the frame itself."""
         return frozenset(quantity.method for quantity in self.quantities)
 
 
@@ -96,7 +96,7 @@ class _Reader:
         self.quantities: list[Quantity] = []
         self._depth = 0
         self._compares_frames = False
-        """Whether the node is inside `changed` or `increased`, which know one frame before only."""
+        """Whether the node is inside `changed` or `increased`, which cannot be nested: they know one frame before."""
 
     def tree(self) -> ast.expr:
         text = re.sub(r"\s", " ", self._text)
@@ -123,7 +123,7 @@ class _Reader:
         return parsed
 
     def read(self, node: ast.expr, *kinds: Kind) -> Evaluate:
-        """The function of a node that has to be of one of these kinds."""
+        """Returns the function of a node whose value must be of one of these kinds."""
         kind, value = self._any(node)
         if kind not in kinds:
             self._refuse(node, f"this is {KINDS[kind]}, where {' or '.join(KINDS[k] for k in kinds)} is needed")
@@ -235,7 +235,7 @@ def _applied(function: Callable[..., Any], *operands: Evaluate) -> Evaluate:
 
 
 def _nearest(name: str, known: Mapping[str, Quantity]) -> str:
-    """What may have been meant."""
+    """Returns a hint with the most similar known name."""
     methods = sorted({quantity.method for quantity in known.values()} - {""}, key=len)
     method = next((m for m in reversed(methods) if name.startswith(f"{m}.")), None)
     if method is not None:

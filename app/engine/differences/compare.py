@@ -22,7 +22,7 @@ Compared = Value | tuple[float, ...]
 """A position (3,) or a quaternion (4,) x, y, z, w is compared as a whole."""
 POSITION, ORIENTATION = "position", "orientation_xyzw"
 DIGEST = "_digest"
-"""How the names of digests end: they are equal or not, and nothing in between."""
+"""How the names of digests end. Digests are equal or not; they have no distance."""
 STEP = "step"
 """The name of a step that only one side has."""
 
@@ -35,11 +35,11 @@ class MethodRow:
     time_ns: int
     method: str
     values: Mapping[str, Compared]
-    """In the order in which one follows from the other: tracks, checks, pose, landmarks. Without wall times."""
+    """Values in the order in which a method computes them: tracks, checks, pose, landmarks. Wall times are excluded."""
 
 
 Rows = Mapping[str, MethodRow]
-"""By method, of one frame."""
+"""The rows of one frame, by method."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Divergence:
     """A frame at which the sides differ."""
 
     exposure: int | None
-    """None: in the end, in what the whole run gave."""
+    """None: the sides differ in the results of the whole run."""
     time_ns: int
     differences: tuple[Difference, ...]
     """In the order of the methods, then as MethodRow.values; never empty."""
@@ -70,7 +70,7 @@ class Divergence:
         return frozenset(difference.name for difference in self.differences)
 
     def without(self, names: frozenset[str]) -> Divergence | None:
-        """The differences without those of these names; None where there are none."""
+        """Returns the divergence without the differences of these names; None where no difference is left."""
         left = tuple(difference for difference in self.differences if difference.name not in names)
         return replace(self, differences=left) if left else None
 
@@ -180,13 +180,13 @@ def in_order(
 
 
 def step_row(index: int, step: Step, error_m: float | None) -> MethodRow:
-    """Of a step in memory: the same as its run's folder gives."""
+    """Returns the row of a step in memory, equal to the one that is read from its run's folder."""
     values = {**step_values(step, error_m), **{key: of(step) for key, of in DIGESTS.items()}}
     return MethodRow(index, step.time_ns, step.method, in_order(values, step.decisions, stored_pose(values)))
 
 
 def record_rows(record: ExposureRecord, methods: Collection[str]) -> Iterator[MethodRow]:
-    """Of the frame's steps of these methods, be they computed or read from a run's folder."""
+    """Yields the rows of these methods at a frame, whether it was computed or read from a run's folder."""
     for step in record.steps:
         if step.method not in methods:
             continue

@@ -1,8 +1,8 @@
 """Where the paths of two runs part: the distance between their positions, as each was estimated at its frame.
 
 Settings that differ change numbers from the first frame on, and two equally good paths walk away from each other by
-noise: after n frames by about sqrt(n) usual differences of one frame's motion. Paths *part* where they are further from
-each other than that explains, by what was usual up to there.
+noise: after n frames they are about sqrt(n) times the usual difference of one frame's motion apart. Paths *part* where
+their distance exceeds what such noise, as usual up to that frame, explains.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 
 USUAL = 3.0
-"""Paths that are further from each other than so many usual walks of noise are apart."""
+"""Paths are apart where their distance exceeds this multiple of the usual random walk of noise."""
 LASTING = 5
-"""Frames, at least, for which they stay apart: one wrong pose is no other path,"""
+"""Least number of frames for which paths must stay apart: one wrong pose is no other path."""
 LASTING_SHARE = 0.05
-"""and at least this share of the common frames."""
+"""Least share of the common frames for which paths must stay apart."""
 FIRST_STEPS = 10
 """Steps at the beginning whose length defines the scale of a method without a metric unit."""
 ROUNDING = 1e-9
@@ -32,7 +32,7 @@ class Path:
     """Poses of one method, as each was known at its frame."""
 
     frames: NDArray[np.int64]
-    """(N,) increasing, of those with a pose."""
+    """(N,) increasing numbers of the frames that have a pose."""
     xyz: Array
     """(N, 3) in the method's own world and unit."""
     xyzw: Array
@@ -88,7 +88,7 @@ def parting(a: Path, b: Path) -> Parting | None:
 
 
 def _medians(values: Array) -> list[float]:
-    """The median of the values up to each, of the first LASTING ones at least."""
+    """Returns for each value the median of all values up to it, and at least of the first LASTING ones."""
     rising = sorted(values[: LASTING - 1].tolist())
     found = []
     for value in values[LASTING - 1 :].tolist():

@@ -1,5 +1,5 @@
-"""Trajectories of other programs, as the command line names them (`--beside NAME[:FRAME]=FILE`), and in the shared
-world of a run: aligned, and known at the frames.
+"""Trajectories of other programs, which the command line names by `--beside NAME[:FRAME]=FILE`. They are aligned with
+the shared world of a run, and interpolated at its frames.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class TrajectoryOption:
     name: str
     file: TrajectoryFile
     frame: FrameOfFile = "rig"
-    """Whose poses the file holds."""
+    """The part of the rig whose poses the file holds."""
     alignment: Alignment = "se3"
 
 
@@ -203,7 +203,7 @@ def external_trajectory(
 
 
 def _timed(option: TrajectoryOption, sequence: Sequence) -> Trajectory:
-    """With the times of the images, where the file (a KITTI one) has none: row i is image i."""
+    """Returns the trajectory with times. Where the file has none, as those of KITTI, row i has the time of image i."""
     trajectory = option.file.trajectory
     if option.file.timed:
         # Of several poses at one time the last counts.

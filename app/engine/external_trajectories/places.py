@@ -17,13 +17,16 @@ from ..model.run_model import RunModel
 from .placed import Placed
 
 NEEDS_UNIT: dict[Alignment, Alignment] = {"se3": "sim3"}
-"""How to align to a method whose unit is no metre, where another way was meant for metric ones."""
+"""By alignment for metric methods: the alignment with a method whose unit is not the metre."""
 
 
 class Places:
-    """By name. Aligned once to the ground truth where that is drawn; else to the poses of the first metric method (or,
-    without one, of the first method) so far, again whenever there are twice as many. With neither truth nor methods
-    they have no place."""
+    """Aligns trajectories of other programs with the shared world, and keeps them by name.
+
+    Where the ground truth is drawn, they are aligned with it once. Otherwise they are aligned with the poses so far of
+    the first metric method (without one, of the first method), again whenever there are twice as many. With neither
+    truth nor methods they are not drawn.
+    """
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened

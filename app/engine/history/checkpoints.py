@@ -1,7 +1,7 @@
-"""States of a run to go on from: some of them, within a budget of memory. Any other is reached by replay from there.
+"""Saved states of a run, within a budget of memory. Any other state is reached by replay from the one before it.
 
-The rule: one at every `interval` frames; whenever they no longer fit, every second is given up and the interval
-doubles, so that they stay evenly spread over the run. Replay is exact, for runs are bit-identical.
+A state is kept every `interval` frames. Whenever the states no longer fit, every second one is discarded and the
+interval doubles, so they stay evenly spread over the run. Replay is exact, because runs are bit-identical.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..model.run_model import RunModel, Tally
 from ..playback import Snapshot
 
 INTERVAL = 8
-"""Frames from one to the next at first: so many are replayed at most."""
+"""Frames from one checkpoint to the next at first. At most as many are replayed to reach a frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +30,10 @@ class Checkpoint:
 
 
 class Checkpoints:
-    """Offered to by one thread, after each frame."""
+    """The kept states of one run. One thread offers it the state after each frame."""
 
     def __init__(self, budget_bytes: int, interval: int = INTERVAL, checkpoints: Iterable[Checkpoint] = ()) -> None:
-        """It may begin with those `kept` of another run, in their order."""
+        """`checkpoints` are those that are taken over from another run, in their order."""
         self._budget_bytes = budget_bytes
         self.interval = interval
         self._by_position = {checkpoint.snapshot.position: checkpoint for checkpoint in checkpoints}
@@ -53,16 +53,16 @@ class Checkpoints:
         self._thin()
 
     def nearest(self, position: int) -> Checkpoint | None:
-        """The last one at or before a position."""
+        """Returns the last checkpoint at or before a position; None without one."""
         return next((self._by_position[p] for p in reversed(self._by_position) if p <= position), None)
 
     def until(self, position: int) -> Checkpoints:
-        """Another's: these up to a position, for a run that is the same up to there."""
+        """Returns the checkpoints up to a position, for another run that is the same up to there."""
         checkpoints = (checkpoint for at, checkpoint in self._by_position.items() if at <= position)
         return Checkpoints(self._budget_bytes, self.interval, checkpoints)
 
     def limit(self, budget_bytes: int) -> None:
-        """Another budget from now on; what does not fit is given up."""
+        """Changes the budget, and discards what does not fit."""
         self._budget_bytes = budget_bytes
         self._thin()
 
@@ -79,11 +79,12 @@ class Checkpoints:
         self._seen: set[int] = set()
         """Ids of the objects that were counted; the checkpoints keep them alive."""
         self.used_bytes = sum(size_bytes(kept, self._seen) for kept in self._by_position.values())
-        """Of memory, what they share counted once."""
+        """Memory of all checkpoints; objects that they share count once."""
 
 
 def size_bytes(value: Any, seen: set[int]) -> int:
-    """About what the value takes in memory, without the objects whose ids are in `seen`, to which its own are added."""
+    """Returns about the memory of a value, without objects whose ids are in `seen`. Adds the ids of its objects to
+    `seen`."""
     total, waiting = 0, [value]
     while waiting:
         item = waiting.pop()
@@ -103,7 +104,7 @@ def size_bytes(value: Any, seen: set[int]) -> int:
 
 
 def _inside(item: Any) -> Iterable[Any]:
-    """What an object holds, where it is one that States are made of."""
+    """Returns the objects inside an object, if it is of a kind that states consist of."""
     if isinstance(item, Mapping):
         return [*item.keys(), *item.values()]
     if isinstance(item, tuple | list | set | frozenset):

@@ -1,7 +1,7 @@
-"""A record as bytes and back: a JSON header and raw arrays. Nothing in it can run, and no value changes on the way.
+"""Encodes a record as a JSON header and raw arrays, and decodes it. No code in it can run, and values stay exact.
 
-The bytes come in two parts. The first has the header and the small arrays; the second has the arrays of tracks,
-landmarks and residuals, which make up nearly all of it and can be given up: they are empty then.
+The bytes come in two parts. The first has the header and the small arrays. The second has the arrays of tracks,
+landmarks and residuals, which are nearly all of the bytes. It can be discarded; these arrays are empty then.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ispom.types import ImageLines, Landmarks, Tracks, WorldLines
 from .record import ExposureRecord
 
 POINTS = (Tracks, Landmarks, ImageLines, WorldLines)
-"""Their arrays are in the second part, as are those of the fields POINT_FIELDS."""
+"""Classes whose arrays are in the second part, like those of the fields POINT_FIELDS."""
 POINT_FIELDS = {"residuals_px", "segments", "spline"}
 ALIGNMENT = 8
 
@@ -67,7 +67,7 @@ class _Writer:
     def _fields(self, value: Any, names: tuple[str, ...], points: bool) -> Any:
         if id(value) in self._seen:
             return {"same": self._seen[id(value)]}
-        # Numbered after what is inside, as the reader meets them.
+        # An object gets its number after the objects inside it, because the reader builds them in this order.
         found = [self.tree(getattr(value, name), points or name in POINT_FIELDS) for name in names]
         self._seen[id(value)] = len(self._seen)
         return {"class": type(value).__name__, "is": found}
@@ -127,5 +127,5 @@ def _classes() -> dict[str, type]:
 
 @cache
 def _field_names() -> dict[type, tuple[str, ...]]:
-    """Of those that are dataclasses: looking it up for each value takes longer than writing it."""
+    """Returns the field names of the dataclasses. Looking them up for each value would take longer than writing it."""
     return {kind: tuple(f.name for f in fields(kind)) for kind in _classes().values() if is_dataclass(kind)}

@@ -1,5 +1,5 @@
-"""The events of one run for somebody who draws or writes them at their own pace: nobody waits for them, and what they
-have not taken yet is not kept for them, but read from the history."""
+"""The events of one run for a thread that draws or writes them at its own pace. The run never waits for this thread.
+Events that it has not taken yet are not stored; they are read from the history."""
 
 from __future__ import annotations
 
@@ -15,41 +15,42 @@ from .history import History
 IMAGES_WAITING = 30
 """Frames whose images wait in memory: a second of video."""
 PEOPLE = 8
-"""Viewers whose frames get their images, where all look at others."""
+"""Largest number of viewers that look at different frames and still get their images."""
 
 
 class Feed:
-    """One run, from its first frame on. `offer`, `finish` and `close` never wait; `take` is for one other thread."""
+    """The feed of one run, from its first frame on. `offer`, `finish` and `close` never wait; one other thread calls
+    `take`."""
 
     def __init__(self, opened: Opened, history: History, *, rereads: bool) -> None:
-        """`history` is that of this run. `rereads`: images that did not wait are read from the sequence again;
-        otherwise the frame comes without, and is counted in `dropped`."""
+        """`history` is that of this run. `rereads`: images that are no longer in memory are read from the sequence
+        again. Otherwise such a frame comes without images and is counted in `dropped`."""
         self.opened, self.history = opened, history
         self.position = 0
-        """Frames taken."""
+        """Number of frames that were taken."""
         self.dropped = 0
-        """Frames that came without their images."""
+        """Number of frames that came without their images."""
         self._rereads = rereads
         self._fresh: deque[Stepped] = deque(maxlen=IMAGES_WAITING)
         self.finished: Finished | None = None
-        """The final trajectories, while they wait."""
+        """The final trajectories, until they are taken."""
         self._bare: set[int] = set()
-        """Frames that came without their images, and have not got them since."""
+        """Frames that came without their images and still lack them."""
         self._looked_at: deque[int] = deque(maxlen=PEOPLE * 2)
-        """Frames whose images are wanted: for each viewer those of each camera."""
+        """Frames whose images are needed: for each viewer one of each camera."""
         self._end: int | None = None
         self._closed = False
         self._news = Condition()
 
     def offer(self, event: Stepped) -> None:
-        """The newest frame of the history, with its images."""
+        """Takes the newest frame of the history, with its images."""
         with self._news:
             self._fresh.append(event)
             self._news.notify()
 
     def look_at(self, index: int) -> None:
-        """A frame is shown to somebody: where its images, or the other camera's latest, were left out, they come
-        as soon as may be."""
+        """Says that somebody looks at a frame. If its images or the latest ones of the other camera are missing, they
+        come next."""
         kinds = self.opened.sequence.kinds
         drawn = {next((i for i in range(index, -1, -1) if kinds[i] == kind), index) for kind in ("video", "stereo")}
         with self._news:
@@ -57,7 +58,7 @@ class Feed:
             self._news.notify()
 
     def request(self, index: int) -> None:
-        """The images of a frame are needed again, whatever became of them."""
+        """Requests the images of a frame again, even if they were delivered before."""
         with self._news:
             if index < self.position:
                 self._bare.add(index)
@@ -65,7 +66,7 @@ class Feed:
             self._news.notify()
 
     def finish(self, finished: Finished | None, *, ends: bool = False) -> None:
-        """The final trajectories come after all that the history holds by now; with `ends`, nothing comes after."""
+        """Delivers the final trajectories after all frames that the history has now; with `ends`, nothing follows."""
         with self._news:
             if self._end is None:
                 self.finished = finished
@@ -73,19 +74,19 @@ class Feed:
             self._news.notify()
 
     def skip(self) -> None:
-        """What waits is given up, except for the final trajectories."""
+        """Discards what was not taken yet, except for the final trajectories."""
         with self._news:
             self._end = self.position
             self._news.notify()
 
     def close(self) -> None:
-        """Nothing comes any more."""
+        """Ends the feed: `take` returns None from now on."""
         with self._news:
             self._closed = True
             self._news.notify()
 
     def pause(self, seconds: float) -> None:
-        """Waits so long, or until it is closed."""
+        """Waits for `seconds`, or until the feed is closed."""
         with self._news:
             self._news.wait_for(lambda: self._closed, seconds)
 
@@ -120,7 +121,7 @@ class Feed:
         return self._closed or self._waiting or ended or self._pictured() is not None
 
     def _pictured(self) -> int | None:
-        """A frame whose images are missed, of those that are looked at the newest."""
+        """Returns the newest of the frames that are looked at whose images are missing; None without one."""
         return next((index for index in reversed(self._looked_at) if index in self._bare), None)
 
     @property
@@ -133,7 +134,7 @@ class Feed:
         return self.position < (self.history.computed if self._end is None else self._end)
 
     def _later(self, index: int) -> Stepped:
-        """A frame whose images did not wait."""
+        """Returns a frame whose images are no longer in memory."""
         record = self.history[index]
         if self._rereads:
             return record.stepped(self._read(index))

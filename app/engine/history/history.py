@@ -1,10 +1,10 @@
 """The frames of one run within a budget of memory: all in temporary files, and the newest in memory as well.
 
-The rule: every frame goes to disk once, when it comes, so that each costs the same whether the budget is full or
-not; what no longer fits into `memory_bytes` is then only forgotten there, the oldest first. On disk, tracks, landmarks
-and residuals take at most `disk_bytes`: beyond, the oldest frames lose theirs, and keep poses, revisions, statuses
-and decisions. The files have no name and vanish with the program, however that ends. Images are read from the sequence
-again.
+Each frame is written to disk once, when it comes, so that each takes the same time whether the budget is full or not.
+What no longer fits into `memory_bytes` is then removed from memory, the oldest frame first. On disk, tracks, landmarks
+and residuals take at most `disk_bytes`. Beyond that the oldest frames lose theirs, and keep poses, revisions, statuses
+and decisions. The files have no name and vanish when the program ends, in whatever way. Images are read from the
+sequence again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 MEMORY_BYTES = 200_000_000
 DISK_BYTES = 8_000_000_000
 SEGMENTS = 16
-"""Of so many pieces of the disk's budget, the oldest is given up when it is used up."""
+"""Number of pieces of the disk's budget. When the budget is used up, the oldest piece is discarded."""
 
 
 class Records(Protocol):
@@ -54,7 +54,7 @@ class Past:
 
 
 class History:
-    """Records by index. Appended to by one thread, read by any; what was read once may be read again later."""
+    """Records by index. One thread appends them, any thread reads them, as often as it wants."""
 
     def __init__(
         self,
@@ -63,27 +63,27 @@ class History:
         past: Past | None = None,
         ahead: Records = (),
     ) -> None:
-        """It goes on after a `past`, whose records are not copied. `ahead` are the first frames of the same run as they
-        were recorded: each is there until its own record is appended."""
+        """`past`: the frames before the first one, whose records are not copied. `ahead`: the first frames of the same
+        run as they were recorded; each is used until its own record is appended."""
         self._past, self._ahead = past, ahead
         self._memory_bytes, self._segment_bytes = memory_bytes, disk_bytes // SEGMENTS
         self._recent: deque[tuple[ExposureRecord, int]] = deque()
         """The newest records, with their sizes."""
         self.used_bytes = 0
-        """Of memory, by records."""
+        """Memory that the records take."""
         self._facts = _Blobs(len(past) if past is not None else 0)
         self._points: deque[_Blobs] = deque()
         self._refused = False
-        """Whether the disk did not take something."""
+        """Whether something could not be written to disk."""
         self._lock = Lock()
 
     def __len__(self) -> int:
-        """Frames that are known, wherever they are."""
+        """Returns the number of known frames, in memory, on disk, or recorded."""
         return max(self._facts.end, len(self._ahead))
 
     @property
     def computed(self) -> int:
-        """Frames without those that are known from a recording alone."""
+        """Returns the number of frames without those that are known only from a recording."""
         return self._facts.end
 
     def __iter__(self) -> Iterator[ExposureRecord]:
@@ -106,7 +106,7 @@ class History:
 
     @property
     def last(self) -> ExposureRecord | None:
-        """The newest that was computed."""
+        """Returns the newest record that was computed; None without one."""
         return self._recent[-1][0] if self._recent else self[self.computed - 1] if self.computed else None
 
     def append(self, record: ExposureRecord) -> None:
@@ -119,13 +119,13 @@ class History:
             self._forget()
 
     def limit(self, memory_bytes: int) -> None:
-        """Another budget of memory from now on."""
+        """Changes the budget of memory."""
         with self._lock:
             self._memory_bytes = memory_bytes
             self._forget()
 
     def _forget(self) -> None:
-        """What does not fit is on disk only."""
+        """Removes records from memory until they fit; they stay on disk."""
         while self.used_bytes > self._memory_bytes and len(self._recent) > 1:
             self.used_bytes -= self._recent.popleft()[1]
 
@@ -167,14 +167,14 @@ class _Blobs:
         self._starts = array("q")
         self._file = None
         self._blobs: dict[int, bytes] = {}
-        """What the disk did not take."""
+        """Byte strings that could not be written to disk."""
 
     @property
     def end(self) -> int:
         return self.first + len(self._starts)
 
     def append(self, blob: bytes) -> None:
-        """OSError where the disk does not take it."""
+        """Writes the next byte string. OSError where it cannot be written."""
         if self._file is None:
             self._file = TemporaryFile(prefix="ispom-history-")  # noqa: SIM115 (closed with the last that reads it)
         self._file.seek(self.size)
@@ -207,9 +207,9 @@ class HistoryUsage:
     exposures_bytes: int = 0
     """Memory that they take."""
     points_from: int = 0
-    """The first frame that has its tracks, landmarks and residuals still."""
+    """The first frame that still has its tracks, landmarks and residuals."""
     states: int = 0
-    """States to fork from; others are reached by replay from them."""
+    """Number of stored states to fork from; other states are reached by replay."""
     states_bytes: int = 0
     """Memory that they take."""
     interval: int = 0

@@ -21,7 +21,7 @@ from .quantity import Quantity, Value
 from .step_quantities import change_quantities, step_quantities
 
 Row = Mapping[str, Mapping[str, Value]]
-"""By method: the values by key at its latest step; under "" those of the frame itself."""
+"""By method: the values by key at its latest step. The key "" has the values of the frame itself."""
 NO_ROW: Row = MappingProxyType({})
 """Before the first frame."""
 
@@ -30,7 +30,7 @@ STEP_QUANTITIES = step_quantities()
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Keys of world_from_frame: the position in the method's own world and unit, and the orientation as a quaternion."""
 MOMENTARY: Mapping[str, Value] = {"key_frame": False, "restarted": False, "segment_age_ns": None, "joins": None}
-"""Of one frame: another method's step does not report them again."""
+"""Values that hold at one frame only: at later frames without a step they have these defaults."""
 CHANGES = change_quantities()
 EXPOSURE_QUANTITIES = (
     Quantity("", "exposure", "number", "counted from 0"),
@@ -39,7 +39,7 @@ EXPOSURE_QUANTITIES = (
 
 
 def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
-    """By name: all quantities of a frame in a run of these methods."""
+    """Returns all quantities of a frame in a run of these methods, by name."""
     found = list(EXPOSURE_QUANTITIES)
     for method in sorted(methods, key=len):  # of `a.b.c`, method `a.b` wins over `a`
         found += [Quantity(method, q.key, q.kind, q.help, q.unit, q.choices) for q in STEP_QUANTITIES]
@@ -52,13 +52,14 @@ def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
 
 
 def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
-    """By key. Where a step has the same check several times, that of the least margin counts."""
+    """Returns the values of a step by key. Where a step has the same check several times, the one with the least margin
+    counts."""
     found = {quantity.key: known(quantity.of(step, error_m)) for quantity in STEP_QUANTITIES}
     return found | pose_values(step) | check_values(step.decisions)
 
 
 def step_number(step: Step, key: str) -> float | None:
-    """One of STEP_QUANTITIES of a step, where it is a known number."""
+    """Returns one of STEP_QUANTITIES of a step, if it is a known number."""
     value = known(next(quantity for quantity in STEP_QUANTITIES if quantity.key == key).of(step, None))
     return None if value is None or isinstance(value, str) else float(value)
 
@@ -70,7 +71,7 @@ def pose_values(step: Step) -> dict[str, Value]:
 
 
 def check_values(decisions: Iterable[Decision]) -> dict[str, Value]:
-    """What the checks of a step say, by key."""
+    """Returns the values of the checks of a step, by key."""
     found: dict[str, Value] = {}
     worst: dict[str, Decision] = {}
     for decision in decisions:
@@ -83,7 +84,7 @@ def check_values(decisions: Iterable[Decision]) -> dict[str, Value]:
 
 
 def row_after(before: Row, index: int, time_ns: int, steps: Iterable[Step], errors_m: Mapping[str, float]) -> Row:
-    """The row at a frame, of its steps: see `row_with`."""
+    """Returns the row at a frame with these steps, as `row_with` does."""
     values_by_method = {method: step_values(step, errors_m.get(method)) for method, step in by_method(steps).items()}
     return row_with(before, index, time_ns, values_by_method)
 
@@ -101,14 +102,14 @@ def row_with(before: Row, index: int, time_ns: int, values_by_method: Row) -> Ro
 
 
 def _with_changes(before: Mapping[str, Value], now: dict[str, Value]) -> Mapping[str, Value]:
-    """The values of a step with CHANGES since the one before it; over a restart nothing is known of that."""
+    """Returns the values of a step with its CHANGES since the step before; after a restart these are unknown."""
     for quantity in CHANGES:
         now[quantity.key] = known(quantity.of({} if now.get("restarted") else before, now))
     return now
 
 
 def _over(values: Mapping[str, Value]) -> Mapping[str, Value]:
-    """The row at a later frame: what happened at one frame is over."""
+    """Returns the row at a later frame without a step: MOMENTARY values get their defaults."""
     return {**values, **MOMENTARY} if any(values.get(key) for key in MOMENTARY) else values
 
 
@@ -122,12 +123,12 @@ def by_method(steps: Iterable[Step]) -> dict[str, Step]:
 
 
 def finite(value: float) -> float | None:
-    """As Python's; None in place of a number that is not finite."""
+    """Returns the value as a Python float; None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
 def known(value: Value) -> Value:
-    """None in place of a number that is not finite; numpy's numbers as Python's."""
+    """Returns None in place of a number that is not finite, and numpy's numbers as Python's."""
     return finite(value) if isinstance(value, float | np.floating) else value
 
 

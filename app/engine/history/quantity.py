@@ -15,17 +15,17 @@ Value = float | bool | str | None
 
 @dataclass(frozen=True)
 class Quantity:
-    """What stands under a key."""
+    """The definition of a quantity: its key, its kind and its help."""
 
     method: str
-    """Empty for those of the frame itself."""
+    """Empty for a quantity of the frame itself."""
     key: str
     kind: Kind
     help: str
     """One line for people."""
     unit: str = ""
     choices: tuple[str, ...] = ()
-    """All that a text can be."""
+    """All values that a text can have."""
 
     @property
     def name(self) -> str:
@@ -34,11 +34,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class StepQuantity:
-    """What every method's Step says."""
+    """A quantity that the Step of every method has."""
 
     key: str
     of: Callable[[Step, float | None], Value]
-    """Of a step, and its distance from the truth [m] where that is known."""
+    """Computes the value from a step and its distance from the truth [m], if that is known."""
     help: str
     kind: Kind = "number"
     unit: str = ""
@@ -47,12 +47,13 @@ class StepQuantity:
 
 @dataclass(frozen=True)
 class ChangeQuantity:
-    """What follows from a method's values at its step before and at this one."""
+    """A quantity that is computed from a method's values at its previous step and at this one."""
 
     key: str
     of: Callable[[Mapping[str, Value], Mapping[str, Value]], Value]
-    """By key: the values at the method's step before (empty before the first, and over a restart), this quantity's own
-    included; and those at this step, without the quantities that come later. `time_s` is the time of each step."""
+    """Computes the value from two mappings by key. The first has the values at the method's previous step, including
+    this quantity; it is empty at the first step and after a restart. The second has the values at this step, without
+    the quantities that come later. `time_s` is the time of each step."""
     help: str
     kind: Literal["number", "flag"] = "number"
     unit: str = ""

@@ -28,7 +28,7 @@ class MethodStatus:
 
     @staticmethod
     def of(step: Step, error_m: float | None) -> MethodStatus:
-        """By a step: its word is that of the card, as one function gives both."""
+        """Returns the status after a step. One function computes its word and that of the card."""
         found = verdict(step, 0, {})
         return MethodStatus(step.status, error_m, step.provisional, found.headline, found.severity)
 
@@ -46,10 +46,11 @@ class ExposureRecord:
     statuses: Mapping[str, MethodStatus]
     skipped: str = ""
     thinned: bool = False
-    """Whether its tracks, landmarks and residuals were given up to keep the history small; all else is there."""
+    """Whether its tracks, landmarks and residuals were discarded to keep the history small; all else is there."""
     stored: Row | None = None
-    """By method, all values of the row in a run's folder that it was read from: quantities, checks, pose and digests.
-    Its steps have no tracks, landmarks, residuals, covariances and revised poses then. None: it was computed here."""
+    """None if the frame was computed here. If it was read from a run's folder: all values of its row there, by method:
+    quantities, checks, pose and digests. Its steps have no tracks, landmarks, residuals, covariances and revised poses
+    then."""
 
     @staticmethod
     def of(event: Stepped, before: ExposureRecord | None) -> ExposureRecord:
@@ -69,7 +70,7 @@ class ExposureRecord:
 
     @property
     def values_by_method(self) -> Row:
-        """By method that stepped on it: the values by key."""
+        """Returns the values by key of each method that stepped on the frame."""
         if self.stored is not None:
             return self.stored
         return {m: step_values(step, self.errors_m.get(m)) for m, step in by_method(self.steps).items()}
@@ -80,7 +81,7 @@ class ExposureRecord:
 
 
 def with_parts(steps: tuple[Step, ...]) -> Iterator[Step]:
-    """The steps, and those of the estimators that they are made of; each object once."""
+    """Yields the steps, and the steps of the estimators inside them; each object once."""
     seen: set[int] = set()
     waiting = list(reversed(steps))
     while waiting:

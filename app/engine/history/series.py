@@ -20,15 +20,15 @@ MISSING = math.nan
 
 
 class Series:
-    """Appended to by one thread, read by any up to its length then."""
+    """The columns of one run. One thread appends; any thread reads up to the length that it sees."""
 
     def __init__(self, methods: Iterable[str]) -> None:
         self.quantities = quantities(with_dependencies(methods))
         """By name."""
         self._columns = {name: array("d") for name in self.quantities}
-        """Flags as 0 and 1, texts as the place among their choices; NaN where there is no value."""
+        """Flags are 0 and 1, texts are indices of their choices; NaN where there is no value."""
         self._stepped = {method: bytearray() for method in {q.method for q in self.quantities.values()}}
-        """Of each method, whether it stepped on the frame."""
+        """For each method and frame, whether it stepped on the frame."""
         self._row: Row = NO_ROW
         self._length = 0
 
@@ -47,7 +47,7 @@ class Series:
         return before, self._row
 
     def replace(self, record: ExposureRecord) -> tuple[Row, Row]:
-        """Puts another record of a known frame in place of the one that it was of. Returns as `append`."""
+        """Replaces the values of a known frame by those of another record of it. Returns the same as `append`."""
         index, before = record.index, self.row(record.index - 1, self.quantities.values())
         row = row_with(before, index, record.time_ns, record.values_by_method)
         for name, quantity in self.quantities.items():
@@ -57,7 +57,7 @@ class Series:
         return before, row
 
     def until(self, count: int, methods: Iterable[str]) -> Series:
-        """Another's first `count` frames, for a run of these methods that is the same up to there."""
+        """Returns the first `count` frames, for another run of these methods that is the same up to there."""
         found = Series(methods)
         for name in found.quantities:
             known = name in self._columns
@@ -69,14 +69,14 @@ class Series:
         return found
 
     def row(self, index: int, columns: Iterable[Quantity]) -> Row:
-        """The values of these quantities at a frame; of one before the first, none."""
+        """Returns the values of these quantities at a frame; none before the first frame."""
         found: dict[str, dict[str, Value]] = {}
         for quantity in columns if index >= 0 else ():
             found.setdefault(quantity.method, {})[quantity.key] = self.value(quantity, index)
         return found
 
     def value(self, quantity: Quantity, index: int) -> Value:
-        """The value at the method's latest step up to there; None where it has none."""
+        """Returns the value at the method's latest step up to the frame; None where it has none."""
         number = self._columns[quantity.name][index]
         if math.isnan(number):
             return None
@@ -85,7 +85,7 @@ class Series:
         return bool(number) if quantity.kind == "flag" else number
 
     def values(self, name: str, start: int = 0, stop: int | None = None) -> Array:
-        """(N,) a copy of a column, or of a stretch of it, as it is kept; KeyError for one that there is not."""
+        """Returns a copy (N,) of a column, or of a part of it, in its encoding. KeyError for an unknown name."""
         return np.array(self._columns[name][start:stop])
 
     def values_of(self, name: str, stop: int, start: int = 0) -> tuple[NDArray[np.int64], Array]:

@@ -1,1 +1,1 @@
-"""What can be looked at closely: tracks, points, keyframes and residuals, as pure functions of what history keeps."""
+"""Details of a frame: tracks, points, keyframes and residuals, as pure functions of the history."""

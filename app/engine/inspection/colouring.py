@@ -1,4 +1,4 @@
-"""Colours of tracks by what is known of them, and what these colours mean."""
+"""Colours of tracks by one of their values, and the legend of these colours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNKNOWN: colours.Rgb = (150, 150, 150)
 
 @dataclass(frozen=True)
 class Scale:
-    """Bins of equal ratio; what lies beyond the ends is in the outermost."""
+    """Bins of equal ratio. Values beyond the ends are in the outermost bins."""
 
     title: str
     low: float
@@ -39,7 +39,7 @@ class Scale:
         return np.geomspace(self.low, self.high, BINS + 1)
 
     def labels(self) -> list[str]:
-        """What each bin holds, the unknown last."""
+        """Returns the range of each bin as a text; the last one is for unknown values."""
         edges = [f"{edge:.3g}" for edge in self.edges()]
         inner = [f"{a} to {b}" for a, b in pairwise(edges[1:-1])]
         return [f"below {edges[1]}", *inner, f"from {edges[-2]} on", "unknown"]
@@ -54,13 +54,14 @@ COLOURINGS: tuple[Colouring, ...] = ("state", *SCALES)
 
 
 def palette() -> list[colours.Rgb]:
-    """Of the bins, dark to bright (viridis, which colour-blind people can order as well), and of the unknown."""
+    """Returns the colours of the bins from dark to bright (viridis, which colour-blind people can order, too), and the
+    colour of unknown values."""
     levels = np.linspace(40, 255, BINS).astype(np.uint8)[:, None]
     bgr = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS))[:, 0]
     return [*((int(r), int(g), int(b)) for b, g, r in bgr), UNKNOWN]
 
 
 def relative_depths(depths: Array) -> Array:
-    """(N,) of depths (N,), NaN where unknown: by their median."""
+    """Returns depths (N,) divided by their median; NaN where unknown."""
     known = np.isfinite(depths) & (depths > 0)
     return np.where(known, depths / np.median(depths[known]), np.nan) if known.any() else np.full(len(depths), np.nan)

@@ -1,4 +1,4 @@
-"""What the scene shows of geometry, as lines: the current triple (Figs 3 and 4), the current pair (Figs 5 and 6), and
+"""Lines that show the geometry in the scene: the current triple (Figs 3 and 4), the current pair (Figs 5 and 6), and
 the rays of the selected track."""
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from .looked import Looked, pose_at
 from .sightings import Seen, TrackLife, camera_pose, seen_by
 
 MOST_POINTS = 16
-"""Whose rays are drawn: more hide each other."""
+"""Most points whose rays are drawn: more would hide each other."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """In the world of a method."""
+    """Camera centres and points that all of them see, in the world of a method."""
 
     method: str
     indices: tuple[int, ...]
-    """The frames that they are of."""
+    """Frames of the cameras."""
     centres: Array
-    """(C, 3) of the cameras, in their order."""
+    """(C, 3) camera centres, in the order of `indices`."""
     points: Array
     """(P, 3); each camera sees each of them."""
 
@@ -47,7 +47,7 @@ class Rays:
         return np.linalg.norm(self.between[:, 1] - self.between[:, 0], axis=1)
 
     def parallax_deg(self) -> Array:
-        """(P,) under which each point sees the first and the last camera."""
+        """Returns (P,) the angle between the rays from each point to the first and the last camera."""
         first, last = (self.points - self.centres[i] for i in (0, -1))
         return np.degrees(np.arctan2(np.linalg.norm(np.cross(first, last), axis=1), (first * last).sum(1)))
 
@@ -106,7 +106,7 @@ def _follows(looked: Looked, method: str, camera: str) -> bool:
 
 
 def _pairs(looked: Looked) -> Iterator[tuple[Seen, Pose]]:
-    """Those up to the frame shown, the newest first, with their poses as given then; few are looked through."""
+    """Yields the pairs of the last 60 frames up to the one shown, newest first, with their poses as given then."""
     for index in range(looked.record.index, max(looked.record.index - 60, -1), -1):
         seen = seen_by(looked.records[index], camera="left")
         pose = camera_pose(seen.step, looked.rig, "left") if seen is not None else None
@@ -115,7 +115,7 @@ def _pairs(looked: Looked) -> Iterator[tuple[Seen, Pose]]:
 
 
 def _points(views: list[Seen]) -> Array:
-    """(P, 3) where the last of these views that says so has the points that all of them saw."""
+    """Returns positions (P, 3) of the points that all of these views saw, by the last view that has any of them."""
     ids = views[0].tracks.ids
     for view in views:
         ids = np.intersect1d(ids, view.tracks.ids[view.tracks.status < TrackStatus.LOST])
@@ -129,5 +129,5 @@ def _points(views: list[Seen]) -> Array:
 
 
 def _spread(count: int) -> NDArray[np.int64]:
-    """Up to MOST_POINTS places of so many."""
+    """Returns up to MOST_POINTS indices, spread evenly over `count` points."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(MOST_POINTS, count)).astype(int))

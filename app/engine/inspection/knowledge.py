@@ -17,7 +17,7 @@ from .sightings import Seen, camera_pose
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """Of one camera's tracks that live; as large as they are many."""
+    """Ages and depths of the live tracks of one camera."""
 
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(N,) increasing."""
@@ -29,7 +29,7 @@ class Knowledge:
     """(N,) of the points in the camera, in the unit of the method; NaN where unknown."""
 
     def after(self, seen: Seen, rig: Rig) -> Knowledge:
-        """With the camera's next frame."""
+        """Returns the knowledge after the camera's next frame."""
         order = np.argsort(seen.tracks.ids, kind="stable")
         ids = seen.tracks.ids[order]
         known, at = _found(self.ids, ids)
@@ -42,7 +42,7 @@ class Knowledge:
         return Knowledge(ids, ages, xyz, _depths(seen, xyz, seen.tracks.disparity_px[order], rig))
 
     def values(self, tracks: Tracks, by: Colouring) -> Array:
-        """(N,) what these tracks are coloured by, on its scale; NaN where unknown."""
+        """Returns (N,) the values that colour these tracks; NaN where unknown."""
         if by == "residual":
             return tracks.residual_px.astype(float)
         known, at = _found(self.ids, tracks.ids)
@@ -52,12 +52,12 @@ class Knowledge:
         return found
 
     def bins(self, tracks: Tracks, by: Colouring) -> NDArray[np.int64]:
-        """(N,) the same in bins of its scale."""
+        """Returns (N,) the bins of these values in the colour scale."""
         return SCALES[by].bins(self.values(tracks, by))
 
 
 def known_from(exposures: Iterable[Seen], rig: Rig) -> Knowledge:
-    """Of these frames of one camera, oldest first."""
+    """Returns the knowledge after these frames of one camera, oldest first."""
     found = Knowledge()
     for seen in exposures:
         found = found.after(seen, rig)
@@ -65,7 +65,7 @@ def known_from(exposures: Iterable[Seen], rig: Rig) -> Knowledge:
 
 
 def _depths(seen: Seen, xyz_in_world: Array, disparity_px: Array, rig: Rig) -> Array:
-    """(N,) by disparity where there is one, and else of the point in the camera's pose."""
+    """Returns depths (N,) by the disparity where there is one, else of the landmark by the camera's pose."""
     camera, pose = rig.camera(seen.camera), camera_pose(seen.step, rig, seen.camera)
     away = np.full(len(xyz_in_world), np.nan) if pose is None else pose.inverse().apply(xyz_in_world)[:, 2]
     away = np.where(away > 0, away, np.nan)
@@ -76,7 +76,7 @@ def _depths(seen: Seen, xyz_in_world: Array, disparity_px: Array, rig: Rig) -> A
 
 
 def _found(sorted_ids: NDArray[np.int64], ids: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Which of the ids are among the others, and where."""
+    """Returns which of `ids` are in `sorted_ids`, and their indices there."""
     if not len(sorted_ids):
         return np.zeros(len(ids), bool), np.zeros(len(ids), np.int64)
     at = np.minimum(np.searchsorted(sorted_ids, ids), len(sorted_ids) - 1)

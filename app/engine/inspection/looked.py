@@ -1,4 +1,4 @@
-"""All that the closer look at one frame is drawn from: taken once, shared by its panels."""
+"""The data from which the details of one frame are drawn. They are computed once, and its panels share them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .sightings import Seen, TrackLife, life, missing_tracks, seen_before, seen_
 
 
 def revised(life: TrackLife, model: RunModel, rig: Rig) -> TrackLife:
-    """With the poses that the model knows, in place of those given at each frame.
+    """Returns the track with the poses that the model knows, in place of those given at each frame.
 
     A method that runs only for another one is not in the model: its poses stay as they were given.
     """
@@ -53,16 +53,16 @@ def pose_at(model: RunModel, method: str, time_ns: int, rig: Rig, camera: FrameN
 
 
 EXPOSURES = 60
-"""Of the camera, up to the one shown: what lifetimes and residuals are drawn of."""
+"""Number of the camera's frames, up to the one shown, whose lifetimes and residuals are drawn."""
 REMEMBERED = 256
-"""Frames that are gone through for ages and depths."""
+"""Number of frames from which ages and depths are computed."""
 RAYLEIGH_MEDIAN = 1.1774
-"""Of the length of an error whose two coordinates have a standard deviation of 1."""
+"""Median length of an error (x, y) whose coordinates have a standard deviation of 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Looked:
-    """At `record`; `camera` is whose picture is wanted, where the rig has it."""
+    """The details of the frame `record`. `camera` is the camera whose image is requested, if the rig has it."""
 
     sequence: Sequence
     records: Records
@@ -83,20 +83,21 @@ class Looked:
 
     @cached_property
     def cameras(self) -> tuple[FrameName, ...]:
-        """Those that the rig has and tracks are followed in."""
+        """Returns the cameras of the rig in which tracks are followed."""
         video: tuple[FrameName, ...] = ("video",) if self.rig.video is not None else ()
         left: tuple[FrameName, ...] = ("left",) if self.rig.left is not None else ()
         return video + left
 
     @cached_property
     def _recorded_cameras(self) -> tuple[FrameName, ...]:
-        """Those of a recording alone, which has no rig."""
+        """Returns the cameras of a recording that has no rig."""
         kinds = self.sequence.kinds
         return (("video",) if "video" in kinds else ()) + (("left",) if "stereo" in kinds else ())
 
     @cached_property
     def pictured(self) -> FrameName:
-        """The camera whose picture is shown: the one wanted, else the first with tracks of the selection's method."""
+        """Returns the camera whose image is shown: the one requested, else the first one in which the method of the
+        selection has tracks."""
         cameras = self.cameras or self._recorded_cameras
         if self.camera in cameras:
             return self.camera
@@ -118,7 +119,8 @@ class Looked:
 
     @cached_property
     def seen(self) -> Seen | None:
-        """The tracks in the picture: those of the method whose track or keyframe is selected, or else the first's."""
+        """Returns the tracks in the image, of the method whose track or keyframe is selected, or else of the first
+        one."""
         if self.index is None:
             return None
         record, method = self.records[self.index], self.selection.method if self.selection else ""
@@ -145,7 +147,7 @@ class Looked:
 
     @cached_property
     def life(self) -> TrackLife | None:
-        """Of the selected track, with the poses known at the frame shown."""
+        """Returns the observations of the selected track, with the poses known at the frame shown."""
         if self.selection is None or self.selection.kind != "track":
             return None
         found = life(self.records, self.record.index, self.selection, self.rig)
@@ -153,7 +155,7 @@ class Looked:
 
     @cached_property
     def of_track(self) -> Step | None:
-        """The step that saw the selected track last."""
+        """Returns the step that saw the selected track last."""
         if self.life is None:
             return None
         seen = seen_by(self.records[self.life.last.index], self.life.method, self.life.camera)
@@ -168,12 +170,13 @@ class Looked:
 
     @property
     def sigma_px(self) -> float:
-        """Of an observed coordinate, by the residuals of the step that saw the selected track last; 1 without any."""
+        """Returns the standard deviation of an observed coordinate, by the residuals of the step that saw the selected
+        track last; 1 without residuals."""
         residuals = self.of_track.residuals_px if self.of_track is not None else np.zeros(0)
         return max(float(np.median(residuals)) / RAYLEIGH_MEDIAN, 0.05) if len(residuals) else 1.0
 
     def lens(self, step: Step | None, camera: FrameName) -> Lens:
-        """A camera as the method had it at this step."""
+        """Returns the camera as the method had corrected it at this step."""
         lens = step.calibration.lens if step is not None and camera == "video" else None
         return Lens(self.of_camera(camera), np.zeros(2) if lens is None else lens.values)
 

@@ -1,6 +1,6 @@
-"""A track's point of the scene: where it is, how well that is known, and how far each image disagrees.
+"""The 3-D point of a track: its position, its covariance, and the residual in each image.
 
-All in ideal pixels: those of a camera with the same matrix and without distortion, as the estimators weigh them.
+All residuals are in ideal pixels: pixels of a camera with the same matrix and no distortion, as in the estimators.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from .sightings import Observation, TrackLife
 
 @dataclass(frozen=True, eq=False)
 class PointEstimate:
-    """In the world and unit of the track's method."""
+    """The estimated point, in the world and unit of the track's method."""
 
     xyz_in_world: Array
     """(3,)."""
     covariance: Array | None
-    """(3, 3) to first order, the poses taken as exact; None where the views leave the distance open."""
+    """(3, 3) to first order, for exact poses; None where the views do not determine the distance."""
     from_exposure: int | None
     """The frame that gave it as a landmark; None where it was intersected here from all observations."""
     residuals_px: Array
-    """(N,) distance from where it is seen, for each observation; NaN where that has no pose or did not find it."""
+    """(N,) reprojection error of each observation; NaN where an observation has no pose or did not find the track."""
 
 
 def ideal(lens: Lens, uv: Array) -> Array:
@@ -40,8 +40,8 @@ def ideal(lens: Lens, uv: Array) -> Array:
 
 
 def estimate(life: TrackLife, lens: Lens, rig: Rig, sigma_px: float) -> PointEstimate | None:
-    """Its latest place as a landmark, or else where the observations put it; None where they do not. `sigma_px` is the
-    standard deviation of an observed coordinate."""
+    """Returns the latest position as a landmark, or else the intersection of all observations; None where they do not
+    determine one. `sigma_px` is the standard deviation of an observed coordinate."""
     views = [s for s in life.seen if s.world_from_camera is not None]
     located = next((s for s in reversed(life.observations) if s.xyz_in_world is not None), None)
     baseline_m = rig.baseline_m if life.camera == "left" and rig.has_stereo else 0.0
@@ -97,7 +97,8 @@ def _project(lens: Lens, xyz_in_camera: Array) -> Array:
 
 
 def _intersection(views: list[Observation], lens: Lens, baseline_m: float) -> Array | None:
-    """The place (3,) whose projections are nearest to the observations; None where they leave its distance open."""
+    """Returns the position (3,) whose projections are nearest to the observations; None where they do not determine
+    its distance."""
     if not views:
         return None
     poses = Trajectory.of([(s.time_ns, _pose(s)) for s in views])

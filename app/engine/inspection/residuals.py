@@ -1,4 +1,4 @@
-"""How reprojection errors are spread: by size, over the image, and with the distance from the principal point."""
+"""Distributions of reprojection errors: by size, over the image, and by distance from the principal point."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ CELLS = (8, 6)
 """Columns and rows over the image."""
 RINGS = 8
 LEAST = 5
-"""Of residuals; with fewer there is no median."""
+"""Least number of residuals for a median."""
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Of the tracks that took part in the pose and live on."""
+    """Residuals of the tracks that took part in the pose and did not end."""
 
     uv: Array
     """(N, 2) [px]."""
@@ -30,7 +30,7 @@ class Residuals:
 
 
 def residuals_of(exposures: Iterable[Seen]) -> Residuals:
-    """Of all of these."""
+    """Returns the residuals of all these frames."""
     uv, found = [np.zeros((0, 2))], [np.zeros(0)]
     for seen in exposures:
         tracks = seen.tracks

@@ -19,7 +19,7 @@ _WRITTEN = re.compile(rf"(track|key_frame|tracks):(?:([A-Za-z_][\w.-]*):)?(\d{{1
 class Selection:
     kind: Kind
     method: str
-    """Whose; empty for the first method that has it."""
+    """The method that it belongs to; empty for the first method that has it."""
     number: int
     """The id of a track, of the first one of several, or the frame of a keyframe."""
     more: tuple[int, ...] = ()

@@ -1,4 +1,4 @@
-"""What the history says of the tracks of one camera: who saw them, where, and since when."""
+"""The tracks of one camera in the history: the method, the observations, and the first frame."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class Observation:
     """(2,) [px]; of a track that ended here the last known place."""
     status: TrackStatus
     residual_px: float
-    """As the method found it then; NaN where the track took no part in the pose."""
+    """Residual that the method reported at the frame; NaN where the track took no part in the pose."""
     disparity_px: float
     """NaN where unknown."""
     key_frame: bool
     world_from_camera: Pose | None
-    """As it was given then; None without a pose, and in a world that was given up since."""
+    """Pose that was given at the frame; None without a pose, or where its world was discarded since."""
     xyz_in_world: Array | None
     """(3,) the point, where this frame has it."""
 
@@ -72,7 +72,7 @@ class TrackLife:
 
     @property
     def seen(self) -> tuple[Observation, ...]:
-        """Those that found it: without the frame that lost it."""
+        """Returns the observations without that of the frame that lost the track."""
         return tuple(s for s in self.observations if not s.status.dropped)
 
 
@@ -86,7 +86,7 @@ def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen 
 
 
 def missing_tracks(record: ExposureRecord, unavailable: str = "", recorded: bool = False) -> str:
-    """Why a frame's tracks are not known one by one, and what to do about it; empty where it simply has none.
+    """Returns why single tracks of a frame are unknown, and what to do about it; empty where the frame has no tracks.
 
     `unavailable` says why a stored run cannot be computed again; `recorded`: the frame is computed soon.
     """
@@ -110,7 +110,7 @@ def missing_tracks(record: ExposureRecord, unavailable: str = "", recorded: bool
 def seen_before(
     records: Records, index: int, method: str = "", camera: str = "", most: int = SEARCHED
 ) -> Iterator[Seen]:
-    """The same of frame `index` and, newest first, those before it: of at most so many frames."""
+    """Yields what `seen_by` returns for frame `index` and the frames before it, newest first: `most` frames at most."""
     for i in range(index, max(index - most, -1), -1):
         if (found := seen_by(records[i], method, camera)) is not None:
             yield found

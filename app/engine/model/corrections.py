@@ -1,4 +1,4 @@
-"""What the methods of a run found to be wrong with its calibration, as their latest Steps say, and the rig with it."""
+"""Corrections of the calibration by the methods of a run, from their latest Steps, and the corrected rig."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ispom.types import Corrections, Rig, Step
 from ..history.record import ExposureRecord
 
 RECENT = 400
-"""Frames that are looked through for the newest corrections: methods say them at each of their keyframes."""
+"""Number of frames that are searched for the newest corrections. Methods report them at each of their keyframes."""
 
 
 class Records(Protocol):
@@ -25,18 +25,18 @@ class Records(Protocol):
 
 @dataclass
 class CorrectionMemory:
-    """The newest of each kind."""
+    """The newest correction of each kind."""
 
     _found: Corrections = field(default_factory=Corrections)
 
     def add(self, steps: Iterable[Step]) -> None:
-        """Of the modern methods alone: those say how sure they are."""
+        """Takes the corrections of the modern methods only: these report standard deviations."""
         for step in steps:
             if step.calibration.has_covariance:
                 self._found = self._found.updated(step.calibration)
 
     def of(self, rig: Rig) -> Corrected | None:
-        """None where no method corrected anything."""
+        """Returns the corrected rig; None where no method corrected anything."""
         try:
             return corrected(rig, self._found)
         except InputError:
@@ -44,15 +44,15 @@ class CorrectionMemory:
 
 
 def corrected_text(found: Corrected) -> str:
-    """A rig.yaml, with the corrections and their standard errors above it."""
+    """Returns a rig.yaml with the corrections and their standard deviations in comments above it."""
     lines = ["# The rig as the methods corrected it; each correction with its standard error:"]
     lines += [f"# {finding}" for finding in found.findings]
     return "\n".join(lines) + "\n" + rig_text(found.rig)
 
 
 def corrected_by(records: Records, index: int, rig: Rig) -> str:
-    """A rig.yaml with what the methods had corrected by frame `index`: the rig as it was, and that said, where they
-    had corrected nothing."""
+    """Returns a rig.yaml with the corrections of the methods up to frame `index`. Without any, it is the original rig,
+    and a comment says so."""
     memory = CorrectionMemory()
     for i in range(max(0, index + 1 - RECENT), index + 1):
         memory.add(records[i].steps)

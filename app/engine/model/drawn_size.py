@@ -1,4 +1,4 @@
-"""How large cameras are drawn: by the scene's own scale, whatever its unit is."""
+"""The size at which cameras are drawn, relative to the size of the scene, because its unit may be unknown."""
 
 from __future__ import annotations
 
@@ -15,38 +15,39 @@ from .poses import PoseHistory
 OF_TRUE_PATH = 0.04
 """Depth of a camera, relative to the extent of the true path."""
 OF_SPACING = 0.35
-"""Depth of a keyframe, relative to their distance or to a camera, whichever is less."""
+"""Depth of a keyframe, relative to the distance of keyframes or to the depth of a camera, whichever is less."""
 OF_BASELINE = 2.0
-"""The same relative to the stereo baseline: the least, where there is no true path."""
+"""Least depth of a camera, relative to the stereo baseline, where there is no true path."""
 NOTICED = 1.5
-"""The size follows the keyframes' distance when that has changed by such a factor: a change draws all again."""
+"""Factor by which the distance of keyframes must change before the size changes. A new size redraws all cameras."""
 
 
 @dataclass(frozen=True)
 class DrawnSize:
-    """In the unit of the method's own world."""
+    """Sizes of drawn cameras, in the unit of the method's own world."""
 
     camera: float
     """Depth of the current camera's frustum."""
     key_frame: float
-    """The same of a keyframe: neighbours do not overlap."""
+    """Depth of a keyframe's frustum, so small that neighbours do not overlap."""
     spacing: float
-    """Distance of successive keyframes that they were made from; 0 where there are not two."""
+    """Distance of successive keyframes from which these sizes were computed; 0 with fewer than two keyframes."""
 
 
 def drawn_truth(truth: Trajectory | None, methods: Iterable[str]) -> Trajectory | None:
-    """The true path where it can be drawn as it is: with metric estimates whose world is at the start, or with none."""
+    """Returns the true path if it can be drawn without an alignment: a method is metric and has its world at the start,
+    or there are no methods. Otherwise None."""
     known = [registered(method) for method in methods]
     return truth if not known or any(m.unit == "metric" and m.world == "start" for m in known) else None
 
 
 def unit_in_metres(method: str, placed_scale: float) -> float | None:
-    """Of a method's own world; None where it is not known."""
+    """Returns the unit of a method's own world [m]; None where it is unknown."""
     return placed_scale if registered(method).unit == "metric" or placed_scale != 1.0 else None
 
 
 def true_size(truth: Trajectory | None) -> float | None:
-    """Depth of the true camera [m]; None without a true path, or where it goes nowhere."""
+    """Returns the depth of the true camera [m]; None without a true path, or where it does not move."""
     if truth is None or not len(truth):
         return None
     return OF_TRUE_PATH * float(np.linalg.norm(np.ptp(truth.translations, axis=0))) or None
@@ -55,8 +56,8 @@ def true_size(truth: Trajectory | None) -> float | None:
 def drawn_size(
     method: str, rig: Rig, truth: Trajectory | None, poses: PoseHistory, unit_m: float, before: DrawnSize | None
 ) -> DrawnSize:
-    """Of a method whose unit is `unit_m` metres (1 where nobody knows); the same object as `before` where the key
-    frames are about as far apart as then."""
+    """Returns the sizes for a method whose unit is `unit_m` metres (1 where unknown). This is the object `before` where
+    the distance of keyframes is still about the same."""
     spacing = _spacing(poses)
     if before is not None and (not spacing or 1 / NOTICED < before.spacing / spacing < NOTICED):
         return before
@@ -67,7 +68,7 @@ def drawn_size(
 
 
 def _spacing(poses: PoseHistory) -> float:
-    """Median distance of the first keyframes in a row; 0 where there are not two."""
+    """Returns the median distance of successive keyframes in the first block that has two; 0 without one."""
     for b in range(len(poses.blocks)):
         if len(rows := poses.key_frame_rows(b)) > 1:
             places = np.stack([poses.position(int(row)) for row in rows])

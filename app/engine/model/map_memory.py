@@ -1,4 +1,5 @@
-"""What `ispom run` remembers of the scene: lines, and what keyframes saw, of which the final poses make landmarks."""
+"""What `ispom run` keeps of the scene: lines, and the observations of keyframes. From these and the final poses it
+computes landmarks."""
 
 from __future__ import annotations
 
@@ -18,19 +19,19 @@ _Colours = tuple[NDArray[np.int64], NDArray[np.uint8]]
 
 @dataclass
 class MapCollector:
-    """Grows with the landmarks and keyframes of one method, by some 40 bytes for each point seen.
+    """Collects the map of one method: some 40 bytes for each observation of a keyframe.
 
-    Places of landmarks are not kept: what a step says of them holds for the poses of that time, which may be revised.
+    Positions of landmarks are not kept: those of a step hold for the poses of its time, which may be revised.
     """
 
     camera: FrameName | None = None
     lines: WorldLines = field(default_factory=WorldLines.empty)
-    """The last ones that were known."""
+    """The newest lines."""
     _colours: list[_Colours] = field(default_factory=list)
     _seen: dict[int, Tracks] = field(default_factory=dict)
 
     def add(self, step: Step) -> None:
-        """The tracks of keyframes, the step's own or those of the part that follows the video, and their colours."""
+        """Takes the tracks of a keyframe and their colours, from the step or from its part that tracks the video."""
         if len(step.world_lines):
             self.lines = step.world_lines
         part = step if step.tracks else next((p for p in step.parts if "video" in p.tracks), step)
@@ -47,9 +48,9 @@ class MapCollector:
             )
 
     def scene(self, trajectory: Trajectory, rig: Rig) -> SceneMap:
-        """With the final poses of the keyframes, and the landmarks where these poses put them.
+        """Returns the map with the final poses of the keyframes, and landmarks that are intersected from these poses.
 
-        Keyframes that have no final pose are absent, and so are landmarks whose distance they leave unknown.
+        Keyframes without a final pose are skipped, and so are landmarks whose distance the poses do not determine.
         """
         camera = self.camera or ("video" if rig.video is not None else "left")
         times = [t for t in trajectory.times_ns.tolist() if t in self._seen]
@@ -64,7 +65,7 @@ class MapCollector:
         return SceneMap(landmarks, keys, seen_from, ids, uv, self.lines)
 
     def _landmarks(self, keys: Trajectory, rig: Rig, seen: tuple[NDArray, NDArray, NDArray, NDArray]) -> Landmarks:
-        """Those that the method itself gave a place at some time: it never trusted the other tracks."""
+        """Returns the landmarks that the method itself located at some time; it never trusted the other tracks."""
         if not len(keys):
             return Landmarks.empty()
         baseline_m = rig.baseline_m if keys.frame == "left" else 0.0
@@ -80,7 +81,7 @@ class MapCollector:
 
 
 def _latest(found: list[_Colours]) -> _Colours:
-    """Each point once, in the order of ids, as it was seen last."""
+    """Returns each point once, in the order of ids, with its latest colour."""
     ids = np.concatenate([np.zeros(0, np.int64), *(ids for ids, _ in found)])
     rgb = np.concatenate([np.zeros((0, 3), np.uint8), *(rgb for _, rgb in found)])
     index = len(ids) - 1 - np.unique(ids[::-1], return_index=True)[1]
@@ -89,7 +90,7 @@ def _latest(found: list[_Colours]) -> _Colours:
 
 @dataclass
 class MapCollectors:
-    """Of all methods."""
+    """The maps of all methods."""
 
     _methods: dict[str, MapCollector] = field(default_factory=dict)
 

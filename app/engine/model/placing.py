@@ -1,4 +1,4 @@
-"""Where a trajectory in a unit or a world of its own is drawn among metric ones, found while a run goes on."""
+"""Finds, during a run, where a trajectory with its own unit or world is drawn in the shared metric world."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ispom.types import FrameName, Rig, Trajectory
 
 
 class Placing:
-    """Waits for the first segment between stereo poses that the video poses span: it fixes place and unit for good.
+    """Waits for the first segment between stereo poses that the video poses span. It fixes position and unit for good.
 
-    Until then poses are kept; nothing is computed before such a segment is there.
+    Until then poses are only collected.
     """
 
     def __init__(self, rig: Rig, scale: float | None = None, spacing_ns: int = 0) -> None:
-        """`scale` is the trajectory's unit [m], where it is known. Of the metric poses those are taken that follow the
-        last one after `spacing_ns`."""
+        """`scale` is the trajectory's unit [m], where it is known. `spacing_ns` is the least interval between metric
+        poses; poses in between are skipped."""
         self._rig, self._scale, self._spacing_ns = rig, scale, spacing_ns
         self._frame: FrameName = "video"
         self._metric: dict[int, Pose] = {}
         self._video: dict[int, Pose] = {}
         self._times_ns: list[int] = []
-        """Of the metric poses, increasing."""
+        """Times of the metric poses, increasing."""
         self._first_ns, self._last_ns = sys.maxsize, -1
 
     def copy(self) -> Placing:
-        """One that goes on by itself."""
+        """Returns an independent copy."""
         other = copy(self)
         other._metric, other._video, other._times_ns = self._metric.copy(), self._video.copy(), self._times_ns.copy()
         return other
@@ -43,7 +43,7 @@ class Placing:
         self._times_ns.append(time_ns)
 
     def add_video(self, world_from_video: Trajectory) -> None:
-        """Takes poses in, those known before replaced."""
+        """Adds poses; they replace those of the same times."""
         if len(world_from_video):
             self._frame = world_from_video.frame
             self._video |= dict(world_from_video.items())
@@ -51,7 +51,7 @@ class Placing:
             self._last_ns = max(self._last_ns, int(world_from_video.times_ns[-1]))
 
     def found(self) -> Similarity | None:
-        """metric_world_from_video_world, once; then this has done its work."""
+        """Returns metric_world_from_video_world as soon as it is known. After that the object is of no more use."""
         inside = bisect_left(self._times_ns, self._first_ns)
         if len(self._video) < 2 or bisect_right(self._times_ns, self._last_ns) - inside < 2:
             return None

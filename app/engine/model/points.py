@@ -12,9 +12,9 @@ from ispom.types import Landmarks
 
 POINTS_PER_BLOCK = 1000
 NEW_PER_STEP = 400
-"""Of more new points in one step, a thinned map takes every n-th."""
+"""Most new points of one step that a thinned map takes; of more it takes every n-th."""
 HALVED_EVERY = 20_000
-"""With each so many points, a thinned map takes half as many of the new ones."""
+"""Number of points after which a thinned map takes half as many of the new ones, and after as many again a quarter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,22 +27,23 @@ class PointBlock:
     rgb: NDArray[np.uint8]
     """(K, 3)."""
     born: NDArray[np.int64]
-    """(K,) the frame that gave each first."""
+    """(K,) the frame that gave each point first."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointMap:
-    """The landmarks of one method, those revised replaced. Points without a finite place are not taken."""
+    """The landmarks of one method at their newest positions. Points without a finite position are not taken."""
 
     thinned: bool = False
-    """Whether it is for drawing: then not every point of a long run is taken, and places are float32."""
+    """Whether the map is for drawing. Then it has only a part of the points of a long run, and positions are
+    float32."""
     count: int = 0
     blocks: tuple[PointBlock, ...] = ()
     _rows: dict[int, int] = field(default_factory=dict)
-    """By id: the place. Shared by versions, each of which counts its first `count` only."""
+    """By id: the row of the point. Versions of the map share it; each uses its first `count` rows only."""
 
     def with_points(self, found: Landmarks, index: int) -> PointMap:
-        """The points that frame `index` found or revised."""
+        """Returns the map with the points that frame `index` found or revised."""
         finite = np.isfinite(found.xyz_in_world).all(1)
         if not finite.any():
             return self
@@ -96,5 +97,5 @@ def _empty(kind: type) -> PointBlock:
 
 
 def _grown(array: np.ndarray, size: int) -> np.ndarray:
-    """A copy with room for so many rows."""
+    """Returns a copy with `size` rows; those without a value are 0."""
     return np.concatenate([array, np.zeros((size - len(array), *array.shape[1:]), array.dtype)])

@@ -13,7 +13,7 @@ from ispom.types import FrameName, Trajectory
 
 POSES_PER_BLOCK = 100
 QUIET = 200
-"""Frames without a change after which a block that changes again keeps how it was."""
+"""Number of frames without a change after which a block keeps its earlier version when it changes again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Times:
         return Times(0, np.zeros(0, np.int64), np.zeros(0, np.int64))
 
     def with_exposure(self, index: int, time_ns: int) -> Times:
-        """Frame `index`, which is not before the others."""
+        """Returns the times with those of frame `index`, which is not before the others."""
         n = self.count
         if n and time_ns <= self._times_ns[n - 1]:
             return self
@@ -47,7 +47,7 @@ class Times:
         return np.clip(np.searchsorted(self._times_ns[: self.count], times_ns), 0, max(self.count - 1, 0))
 
     def rows_until(self, index: int) -> int:
-        """How many of the times are of frames up to this one."""
+        """Returns the number of times of the frames up to this one."""
         return int(np.searchsorted(self._indices[: self.count], index, side="right"))
 
     def times_ns(self, rows: NDArray[np.int64] | slice) -> NDArray[np.int64]:
@@ -60,7 +60,7 @@ class Times:
 
 @dataclass(frozen=True, eq=False)
 class PoseBlock:
-    """The poses at POSES_PER_BLOCK times in a row. `times` of the run says which."""
+    """The poses at POSES_PER_BLOCK successive times of the run."""
 
     rotations: Array
     """(K, 3, 3)."""
@@ -71,11 +71,11 @@ class PoseBlock:
     key: NDArray[np.bool_]
     """(K,) whether it is a keyframe."""
     since: int
-    """The frame that began the changes that led here."""
+    """The frame whose change began this version."""
     changed: int
-    """The frame that made the latest change."""
+    """The frame of the latest change."""
     earlier: PoseBlock | None = None
-    """As it was before `since`; None where it had no pose."""
+    """The version before `since`; None where it had no pose."""
 
     @staticmethod
     def empty(index: int) -> PoseBlock:
@@ -105,10 +105,11 @@ class PoseHistory:
     blocks: tuple[PoseBlock, ...] = ()
     frame: FrameName = "rig"
     starts: tuple[int, ...] = ()
-    """Rows at which segments of their own begin: nothing joins them to the poses before, nor does a line."""
+    """Rows at which segments begin. Nothing joins a segment to the poses before it, so no line is drawn between
+    them."""
 
     def with_poses(self, rows: NDArray[np.int64], poses: Trajectory, index: int) -> PoseHistory:
-        """Poses at these rows (N,) of the run's times, as frame `index` gave them."""
+        """Returns the history with poses at these rows (N,) of the run's times, which frame `index` gave."""
         if not len(poses):
             return self
         blocks = list(self.blocks)
@@ -124,7 +125,7 @@ class PoseHistory:
         return replace(self, blocks=tuple(blocks))
 
     def with_start(self, row: int) -> PoseHistory:
-        """A segment of its own begins at a row."""
+        """Returns the history with a segment that begins at a row."""
         return self if row in self.starts else replace(self, starts=(*self.starts, row))
 
     @staticmethod
@@ -135,11 +136,11 @@ class PoseHistory:
         return blocks[b]
 
     def drawn_blocks(self) -> set[int]:
-        """Those with poses."""
+        """Returns the blocks with poses."""
         return {b for b, block in enumerate(self.blocks) if block.known.any()}
 
     def changed_blocks(self, before: PoseHistory) -> set[int]:
-        """Those whose line is another one now: it starts at the last pose of the block before."""
+        """Returns the blocks whose line changed. The line of a block starts at the last pose of the block before."""
         found: set[int] = set()
         for b, block in enumerate(self.blocks):
             if b >= len(before.blocks) or before.blocks[b] is not block:
@@ -158,7 +159,7 @@ class PoseHistory:
         return [part for part in parts if len(part)]
 
     def key_frame_rows(self, block: int) -> NDArray[np.int64]:
-        """(K,) of keyframes with a pose."""
+        """Returns rows (K,) of keyframes with a pose."""
         found = self.blocks[block]
         return np.flatnonzero(found.known & found.key) + block * POSES_PER_BLOCK
 
@@ -174,7 +175,7 @@ class PoseHistory:
         return self.blocks[row // POSES_PER_BLOCK].positions[row % POSES_PER_BLOCK]
 
     def pose(self, row: int) -> Pose:
-        """Of a known row."""
+        """Returns the pose of a row that has one."""
         block, at = self.blocks[row // POSES_PER_BLOCK], row % POSES_PER_BLOCK
         return Pose(block.rotations[at], block.positions[at])
 

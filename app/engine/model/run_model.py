@@ -1,4 +1,4 @@
-"""What is known of a run: every method's poses by time and points by id, as one value for each frame.
+"""The results of a run so far: the poses of each method by time and its points by id, as one value for each frame.
 
 model = RunModel.start(methods)
 model = model.after(index, time_ns, steps)      # shares all but what this frame changed
@@ -23,7 +23,7 @@ from .poses import POSES_PER_BLOCK, PoseBlock, PoseHistory, Times
 
 @dataclass(frozen=True)
 class MethodTally:
-    """Of the frames that a method used."""
+    """Counts of the frames that a method used."""
 
     exposures: int = 0
     lost: int = 0
@@ -43,7 +43,7 @@ class MethodTally:
 
 @dataclass(frozen=True)
 class Tally:
-    """By method."""
+    """Counts by method."""
 
     methods: Mapping[str, MethodTally] = field(default_factory=dict)
 
@@ -56,7 +56,7 @@ class Tally:
 
 @dataclass(frozen=True, eq=False)
 class MethodModel:
-    """Of one method, in its own world."""
+    """Poses and points of one method, in its own world."""
 
     poses: PoseHistory
     points: PointMap
@@ -71,11 +71,11 @@ class RunModel:
 
     @staticmethod
     def start(methods: Iterable[str]) -> RunModel:
-        """Before the first frame. Points are thinned, for drawing."""
+        """Returns the model before the first frame. Its points are thinned, for drawing."""
         return RunModel(Times.none(), {m: MethodModel(PoseHistory(), PointMap(thinned=True)) for m in methods})
 
     def after(self, index: int, time_ns: int, steps: Iterable[Step]) -> RunModel:
-        """What the steps of frame `index` add: their poses, those that they revise, keyframes, and points."""
+        """Returns the model with the steps of frame `index`: their poses, revised poses, keyframes, and points."""
         times, methods = self.times.with_exposure(index, time_ns), dict(self.methods)
         for step in steps:
             known = methods[step.method]
@@ -86,12 +86,12 @@ class RunModel:
         return RunModel(times, methods)
 
     def of(self, methods: Iterable[str]) -> RunModel:
-        """What is known of these methods; nothing yet of one that did not run."""
+        """Returns the model of these methods; it is empty for a method that did not run."""
         none = RunModel.start(methods).methods
         return RunModel(self.times, {m: self.methods.get(m, nothing) for m, nothing in none.items()})
 
     def with_final(self, trajectories: Mapping[str, Trajectory]) -> RunModel:
-        """With the final trajectories in place of the poses known so far."""
+        """Returns the model with the final trajectories in place of the poses known so far."""
         index, methods = int(self.times.indices(slice(-1, None)).max(initial=0)), dict(self.methods)
         for method, poses in trajectories.items():
             known = methods[method]
@@ -100,9 +100,10 @@ class RunModel:
         return replace(self, methods=methods)
 
     def as_known_at(self, index: int, steps_at: Callable[[int], tuple[Step, ...]]) -> RunModel:
-        """As after frame `index`; `steps_at` gives the steps of frames before it, where blocks changed since.
+        """Returns the model as it was after frame `index`. `steps_at` gives the steps of earlier frames, from which
+        blocks that changed since are computed again.
 
-        Points are those known then, at the places known now.
+        Points are those known then, at the positions known now.
         """
         times = replace(self.times, count=self.times.rows_until(index))
         steps = cache(steps_at)
@@ -128,7 +129,7 @@ def _with_step(poses: PoseHistory, times: Times, step: Step, index: int) -> Pose
 def _block_at(
     b: int, block: PoseBlock, times: Times, index: int, method: str, steps_at: Callable[[int], tuple[Step, ...]]
 ) -> PoseBlock:
-    """The block as it was after a frame: an earlier version, and the steps from there on."""
+    """Returns the block as it was after a frame, from an earlier version and the steps after it."""
     while block.changed > index and block.since > index and block.earlier is not None:
         block = block.earlier
     if block.changed <= index:
@@ -146,7 +147,7 @@ def _block_at(
 def _covariance_at(
     poses: PoseHistory, times: Times, index: int, method: str, steps_at: Callable[[int], tuple[Step, ...]]
 ) -> Array | None:
-    """Of the newest pose, as the frames at its time and up to `index` tell it."""
+    """Returns the covariance of the newest pose, from the last step that gave it up to `index`."""
     row = poses.last_known()
     if row is None:
         return None
@@ -158,7 +159,7 @@ def _covariance_at(
 
 
 def _within(poses: PoseHistory, times: Times, step: Step, index: int, start_row: int) -> PoseHistory:
-    """What a step says about the rows of one block."""
+    """Returns the poses of one block with those of a step."""
 
     def of_block(trajectory: Trajectory) -> tuple[NDArray[np.int64], Trajectory]:
         rows = times.rows(trajectory.times_ns) - start_row
@@ -173,7 +174,7 @@ def _within(poses: PoseHistory, times: Times, step: Step, index: int, start_row:
 
 
 def _points_at(points: PointMap, index: int) -> PointMap:
-    """Those that were known, in blocks that stay the same objects where all of theirs were."""
+    """Returns the points known at a frame. Blocks whose points were all known stay the same objects."""
     blocks = []
     for block in points.blocks:
         count = int(np.searchsorted(block.born, index, side="right"))

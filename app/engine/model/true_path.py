@@ -1,4 +1,4 @@
-"""Where the true path of a run is drawn: as it is, or aligned to the estimates where their worlds are elsewhere."""
+"""Where the true path of a run is drawn: unchanged, or aligned with the estimates where their worlds differ from it."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from .drawn_size import drawn_truth
 from .run_model import RunModel
 
 FIRST, GROWTH = 8, 1.25
-"""Poses from which on it is aligned, and the factor by which there are more of them when it is aligned again: all of
-that together costs a few times one alignment over all poses."""
+"""Least number of poses with which the path is aligned, and the factor by which they must grow before it is aligned
+again. All alignments together take a few times as long as one over all poses."""
 
 
 class TruePath:
-    """A single camera's unit is free, and the world of some metric methods is elsewhere. Sim(3) or SE(3) brings their
-    path to the truth, and the inverse the truth to their path."""
+    """The placement of the true path. A single camera has a free unit, and some metric methods have a world of their
+    own: Sim(3) or SE(3) aligns their path with the truth, and its inverse places the truth at their path."""
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
         self.fixed = drawn_truth(opened.truth, opened.methods) is not None
-        """Whether it is drawn as it is."""
+        """Whether the path is drawn without an alignment."""
         metric = [name for name in opened.methods if registered(name).unit == "metric"]
         self._method = next(iter([*metric, *opened.methods]), "")
-        """Whose world is the shared one otherwise."""
+        """Otherwise the method whose path it is aligned with."""
         self._alignment: Alignment = alignment_of(bool(metric))
         self._found: Similarity | None = Similarity() if self.fixed else None
         self._count = 0
-        """Poses that it was aligned to."""
+        """Number of poses of the latest alignment."""
 
     def at(self, model: RunModel, placements: Mapping[str, Similarity], *, ended: bool = False) -> Similarity | None:
-        """Shared world from the truth's world, by what is known now; None where that is too little.
+        """Returns the shared world from the truth's world, by the poses known now; None with too few poses.
 
-        The same object for as long as it was not aligned again. `ended`: to all poses, not only to most of them.
+        It is the same object until it is aligned again. `ended`: aligns with all poses, not only with most of them.
         """
         if self.fixed or self._opened.truth is None or self._method not in model.methods:
             return self._found
@@ -56,7 +56,7 @@ class TruePath:
 
 
 def _step(known: int) -> int:
-    """The largest number of poses, of those at which the path is aligned, that are known; 0 for none."""
+    """Returns the largest number of poses, up to `known`, at which the path is aligned; 0 for none."""
     count = 0
     following = FIRST
     while following <= known:

@@ -1,4 +1,4 @@
-"""What an event is, and the kinds of events, found by listing the folder `kinds`. No viewer and no thread in here."""
+"""Events and their kinds, which are the files of the folder `kinds`. This module uses no viewer and no thread."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ Scope = Literal["method", "frame", "person"]
 
 
 WORSE = 3.0
-"""Times as far beyond its limit a check must be, compared with what an event that holds says of it, to be an event of
-its own: less is the noise of a value that stays bad."""
+"""Factor by which the excess of a failed check must exceed that of the event that holds, to be a new event. Smaller
+changes are the noise of a value that stays bad."""
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """What a kind of event finds of failed checks."""
+    """The failed checks that a kind of event finds at a frame."""
 
     sentence: str
     excess: Mapping[str, float]
@@ -38,7 +38,8 @@ class Alarm:
     """Key of the check that the sentence is about; empty where no check says it."""
 
     def worse_than(self, said: Mapping[str, float]) -> bool:
-        """Whether another check failed than those of which this was said, or one of them much farther."""
+        """Returns whether a check failed that is not in `said`, or whose excess is more than WORSE times that in
+        `said`."""
         return any(value > WORSE * said.get(key, 0.0) for key, value in self.excess.items())
 
 
@@ -48,7 +49,7 @@ class RunEvent:
 
     kind: str
     method: str
-    """Empty for what is of no method: an unreadable image, a bookmark."""
+    """Empty for an event without a method: an unreadable image, a bookmark."""
     frame: int
     time_ns: int
     severity: Severity
@@ -56,7 +57,7 @@ class RunEvent:
     until: int | None = None
     """The first frame at which it no longer held; None while it holds."""
     said: Mapping[str, float] = field(default_factory=dict)
-    """What it and the events that it continues said of failed checks, see Alarm.excess; not in tables."""
+    """Excess of failed checks in this event and those that it continues, see Alarm.excess; not in tables."""
     cause: str = ""
     """Key of the check that made it, see Alarm.cause; not in tables."""
 
@@ -68,7 +69,7 @@ class RunEvent:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One frame as a kind of event looks at it: of one method, or, without a step, of no method."""
+    """One frame, as the detectors of events see it: a step of one method, or, without a step, the frame alone."""
 
     frame: int
     time_ns: int
@@ -78,11 +79,11 @@ class Moment:
     before: Mapping[str, Value] = field(default_factory=dict)
     """Those at its step before; empty at its first one."""
     skipped: str = ""
-    """Why no method saw the frame; empty where they did."""
+    """Why no method saw the frame; empty where methods saw it."""
     since: int = 0
-    """The frame from which on the method has its status."""
+    """The first frame of the method's present status."""
     tracked: bool = False
-    """Whether it had a map before."""
+    """Whether the method had a map before."""
 
     @property
     def method(self) -> str:
@@ -112,8 +113,8 @@ class Moment:
         return sentence(decision, self.checks.get(decision.key))
 
     def worst(self, decisions: list[Decision]) -> Alarm | bool | None:
-        """What a kind of warning says: the sentence of the check that fails by most, False where all passed, None
-        without any. A requirement is worse than any warning."""
+        """Returns the alarm of a kind of warning: its sentence is that of the check with the largest excess. Failed
+        requirements come before warnings. False where all checks passed; None without checks."""
         failed = [d for d in decisions if alarming(d)]
         if not failed:
             return False if decisions else None
@@ -130,26 +131,27 @@ def _excess(decision: Decision) -> float:
 
 @dataclass(frozen=True)
 class EventKind:
-    """A kind of event. One file in `kinds` that has it among its `KINDS` is all that it takes."""
+    """A kind of event. To add one, list it in the `KINDS` of a file in `kinds`."""
 
     name: str
-    """Stable: in tables and addresses."""
+    """Name in tables and addresses; it must not change."""
     label: str
     """One or two words for people: "Lost"."""
     severity: Severity
     help: str
     """One sentence: when it happens."""
     detect: Callable[[Moment], Alarm | str | bool | None] | None = None
-    """At each frame: a sentence while it holds, False where it does not, None where the frame says nothing about it. An
-    event begins where a sentence follows on False, and where an alarm is worse than the event that holds."""
+    """Called at each frame: returns a sentence while the event holds, False where it does not, and None where the frame
+    does not decide it. An event begins at a sentence after False, and where an alarm is worse than the event that
+    holds."""
     scope: Scope = "method"
     """Detected at each step of a method, once at each frame, or made by a person."""
     lasts: bool = False
-    """Whether it goes on for a while, from a first frame to a last one; else it happens at one frame."""
+    """Whether the event lasts from a first frame to a last one; otherwise it happens at one frame."""
     quiet_frames: int = 0
-    """One that holds again so few frames after it ended is still the same event."""
+    """Most frames after its end within which an event that holds again is still the same event."""
     happened: str = ""
-    """What happened, between the method's name and the frame's: "is lost since", "jumped at"; empty: its label."""
+    """Words between the names of the method and the frame: "is lost since", "jumped at". Empty: the label is used."""
 
 
 @cache
@@ -166,7 +168,7 @@ def event_kinds() -> Mapping[str, EventKind]:
 
 
 def with_bookmarks(events: Iterable[RunEvent], bookmarks: Iterable[Bookmark]) -> list[RunEvent]:
-    """All in the order of their frames; at one frame the most severe first."""
+    """Returns all events in the order of their frames; at one frame the most severe comes first."""
     places = {name: place for place, name in enumerate(event_kinds())}
     found = [*events, *map(_of_bookmark, bookmarks)]
     return sorted(found, key=lambda event: (event.frame, places[event.kind], event.method))
@@ -178,7 +180,8 @@ def _of_bookmark(mark: Bookmark) -> RunEvent:
 
 
 def nearest(events: Iterable[RunEvent], frame: int, *, forwards: bool, alarming: bool = False) -> list[RunEvent]:
-    """Those at the nearest frame with any, after a frame or before it; with `alarming`, warnings and losses only."""
+    """Returns the events at the nearest frame that has any, after or before `frame`. `alarming`: warnings and losses
+    only."""
     found = [e for e in events if (e.frame > frame if forwards else e.frame < frame)]
     found = [e for e in found if e.severity.alarming] if alarming else found
     if not found:

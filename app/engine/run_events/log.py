@@ -17,7 +17,7 @@ MOST = 300
 
 
 class EventLog:
-    """Appended to by one thread, read by any."""
+    """The events of one run. One thread appends to it, any thread reads it."""
 
     def __init__(self) -> None:
         self._events: list[RunEvent] = []
@@ -25,11 +25,11 @@ class EventLog:
         self._latest: dict[tuple[str, str], RunEvent] = {}
         """By kind and method."""
         self._places: dict[tuple[str, str], int] = {}
-        """Where the latest events are; those that were omitted have no place."""
+        """Indices of the latest events; events that were omitted have none."""
         self._statuses: list[tuple[str, int, str]] = []
-        """Method, frame and status, wherever that changed."""
+        """Method, frame and status at each change of the status."""
         self._status: dict[str, tuple[int, str]] = {}
-        """By method, its status and since when."""
+        """By method: the first frame of its present status, and the status."""
         self._tracked: set[str] = set()
         """Methods that had a map before."""
         self._counts: Counter[tuple[str, str]] = Counter()
@@ -52,7 +52,7 @@ class EventLog:
         self.add(record.index, record.time_ns, record.steps, before, now, record.skipped)
 
     def add(self, frame: int, time_ns: int, steps: Iterable[Step], before: Row, now: Row, skipped: str = "") -> None:
-        """The same of a frame that is no record."""
+        """Takes a frame without a record."""
         self._look(Moment(frame, time_ns, skipped=skipped), "frame")
         for step in steps:
             earlier, values = before.get(step.method, {}), now.get(step.method, {})
@@ -61,7 +61,7 @@ class EventLog:
             self._look(Moment(frame, time_ns, step, values, earlier, "", since, tracked), "method")
 
     def until(self, count: int, methods: Iterable[str]) -> EventLog:
-        """That of a run of these methods that is the same as this one for its first `count` frames."""
+        """Returns the events of another run of these methods that has the same first `count` frames."""
         log, shown_methods = EventLog(), {"", *methods}
         for event in self.events:
             if event.frame < count and event.method in shown_methods:
@@ -121,7 +121,7 @@ class EventLog:
         self._events.append(event)
 
     def _change(self, event: RunEvent) -> None:
-        """The latest event of its kind and method, as it is known now."""
+        """Replaces the latest event of its kind and method."""
         name = (event.kind, event.method)
         self._latest[name] = event
         if name in self._places:

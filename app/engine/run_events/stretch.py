@@ -1,4 +1,4 @@
-"""Which stretch of a run is examined."""
+"""The stretch of a run that is examined."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .event import RunEvent
 from .table import read_events
 
 BEFORE = 2 / 3
-"""Share of the stretch before the frame that is asked about: a cause comes before what it does."""
+"""Share of the stretch that is before the requested frame: a cause comes before its effect."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Measurements of a sequence, both included, and what they are examined for."""
+    """First and last measurement of the stretch, and the event for which it is examined."""
 
     first: int
     last: int

@@ -21,12 +21,12 @@ from .log import EventLog
 
 COLUMNS = ("frame", "time_ns", "method", "kind", "severity", "until", "sentence")
 PRINTED = 5
-"""Warnings and losses that the terminal shows."""
+"""Most warnings and losses that the terminal shows."""
 
 
 @dataclass
 class EventRecorder:
-    """Follows a run that has no page. Not a value: it keeps the newest row."""
+    """Collects the events of a run without a page. Not a value: it keeps the newest row."""
 
     log: EventLog = field(default_factory=EventLog)
     row: Row = field(default_factory=lambda: NO_ROW)
@@ -62,7 +62,7 @@ def read_events(path: Path) -> list[RunEvent]:
 
 
 def event_lines(events: Iterable[RunEvent], more: str) -> list[str]:
-    """The warnings and losses, the first ones in words; `more` says where the rest is."""
+    """Returns lines about the warnings and losses, the first PRINTED in words; `more` says where the others are."""
     found = [e for e in events if e.severity.alarming]
     sentences = [f"frame {e.frame}: {colours.label(e.method)}: {e.sentence}" if e.method else e.sentence for e in found]
     rest = len(found) - PRINTED

@@ -1,4 +1,4 @@
-"""Short fingerprints of arrays: equal bits, equal digest. By them runs are compared without keeping the arrays."""
+"""Digests of arrays: equal bits have equal digests. They compare runs without the arrays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from ispom.types import Step, Tracks, TrackStatus
 
 
 def digest(*arrays: np.ndarray) -> str:
-    """Of shapes, kinds and bits, in this order: 16 hexadecimal digits; the same on machines of either byte order."""
+    """Returns a digest of shapes, kinds and bits, in this order: 16 hexadecimal digits that do not depend on the byte
+    order of the machine."""
     found = blake2b(digest_size=8)
     for array in arrays:
         little = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
@@ -21,12 +22,13 @@ def digest(*arrays: np.ndarray) -> str:
 
 
 def _followed(step: Step) -> str:
-    """Where the tracks are that there were before; not the residuals, which follow from the pose."""
+    """Returns the digest of the positions of tracks that existed before, without residuals, which follow from the
+    pose."""
     return _of_tracks(step, lambda t: (t.ids[_old(t)], t.uv[_old(t)]))
 
 
 def _fates(step: Step) -> str:
-    """What became of the tracks, and which begin here: much of it follows from checks."""
+    """Returns the digest of the status of tracks and of new tracks, which depend on checks."""
     return _of_tracks(step, lambda t: (t.status, t.ids[~_old(t)], t.uv[~_old(t)]))
 
 
@@ -60,4 +62,4 @@ DIGESTS: dict[str, Callable[[Step], str]] = {
     "landmarks_digest": _landmarks,
     "revised_digest": _revised,
 }
-"""By column of steps.csv: of a step; empty where it has none of these."""
+"""By column of steps.csv: the function that computes the digest of a step; empty where the step has no such arrays."""

@@ -1,4 +1,4 @@
-"""The poses of a run while it goes on: what is left of the trajectories where it is killed."""
+"""The journal of a run's poses. If the run is killed, its trajectories are read from it."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from .table import GrowingTable, read_table
 MOST_EXPOSURES = 10**9
 _VALUES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 COLUMNS = ("exposure", "method", "frame", "unit_m", "time_ns", *_VALUES)
-"""A row for each pose, given or revised: of a method and time the last one counts. `unit_m` is empty while unknown."""
+"""Each row is a new or revised pose; the last row of a method and time counts. `unit_m` is empty while unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Journal:
-    """What was known when the run ended."""
+    """The results that were known when the run ended."""
 
     exposures: int
-    """Gone through."""
+    """Number of frames that were processed."""
     trajectories: Mapping[str, Trajectory]
     """By method: world_from_frame, in the method's own unit."""
     units_m: Mapping[str, float | None]
-    """By method: what that unit is in metres, where that is known."""
+    """By method: the length of its unit [m]; None where unknown."""
 
 
 class PoseJournal:
-    """Grows with each frame; removed when the trajectories are written."""
+    """Writes the journal during a run. It is removed when the trajectories are written."""
 
     def __init__(self, folder: RunFolder, unit_m: Callable[[str], float | None]) -> None:
         """`unit_m` gives a method's unit [m] as known now."""
@@ -54,12 +54,13 @@ class PoseJournal:
             )
 
     def close(self, keep: bool) -> None:
-        """Keeps it, whole, under its own name where the trajectories could not be written."""
+        """Closes the journal, and with `keep` gives it its final name, because the trajectories could not be
+        written."""
         self._table.close(keep)
 
 
 def read_journal(path: Path) -> Journal:
-    """Rows that are damaged are as if they had not been written. InputError as `read_table`."""
+    """Returns the journal of a run, without damaged rows. InputError as `read_table`."""
     poses: dict[str, dict[int, Pose]] = {}
     frames, units, exposures = {}, {}, 0
     for row in read_table(path):

@@ -1,4 +1,5 @@
-"""Which run.yaml this program wrote on this machine for this user: its last line says so, by a key that stays here."""
+"""Signatures of run.yaml. They show which files this program wrote on this machine for this user, by a key that never
+leaves the machine."""
 
 from __future__ import annotations
 
@@ -17,13 +18,13 @@ MARK = "# Written on this machine: "
 
 
 def signed(text: str) -> str:
-    """The text with a line at its end that `is_signed` knows again; as it is where no key can be kept."""
+    """Returns the text with a signature as its last line; unchanged where no key can be stored."""
     key = _key()
     return text if key is None else f"{text}{MARK}{_code(key, text)}\n"
 
 
 def is_signed(text: str) -> bool:
-    """Whether `signed` made the text, here, and no character of it was changed since."""
+    """Returns whether `signed` returned this text on this machine, and no character was changed since."""
     before, mark, code = text.rpartition(MARK)
     key = _key() if mark else None
     return key is not None and hmac.compare_digest(f"{_code(key, before)}\n".encode(), code.encode())
@@ -34,7 +35,8 @@ def _code(key: bytes, text: str) -> str:
 
 
 def _key() -> bytes | None:
-    """This user's key, made where there is none; None where it cannot be kept, or others could have read it."""
+    """Returns this user's key, and makes it if there is none. None where it cannot be stored, or others could read
+    it."""
     folder = cache_folder("runs")
     if folder is None:
         return None
@@ -51,7 +53,7 @@ def _key() -> bytes | None:
 
 
 def _make(path: Path) -> None:
-    """In one move, and not over the key of another process that made one meanwhile."""
+    """Makes the key file atomically, and never replaces the key that another process made meanwhile."""
     number, made = tempfile.mkstemp(dir=path.parent)  # readable for its owner alone
     try:
         with os.fdopen(number, "wb") as file:

@@ -16,7 +16,7 @@ from .run_folder import RUN
 
 COUNTS = {"translation": 3, "quaternion_xyzw": 4}
 Placed = tuple[int, str, Similarity]
-"""From this frame on, of this method: shared world from its own."""
+"""The frame from which on it holds, the method, and the shared world from the method's own."""
 
 
 class PlacementLog:

@@ -31,7 +31,7 @@ def in_frame(trajectory: Trajectory, rig: Rig, frame: FrameName, unit_m: float |
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """What a run found, as far as it came."""
+    """The results of a run, up to its last frame."""
 
     sequence: str
     """Its name."""
@@ -42,11 +42,11 @@ class Results:
     end_ns: int
     """The last frame's time."""
     trajectories: Mapping[str, Trajectory]
-    """By method, each in its own world and frame; and those of the methods that they ask."""
+    """By method, each in its own world and frame; including those of the methods that they depend on."""
 
 
 def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatistics) -> str:
-    """metrics.json. Without truth: only what can be computed without it."""
+    """Returns metrics.json. Without truth it has only metrics that need none."""
     truth = results.truth
     report: dict[str, Any] = {"sequence": results.sequence, "notes": list(results.notes)}
     report |= {"skipped": statistics.skipped, **statistics.resources(), "methods": {}}
@@ -70,7 +70,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
 def trajectory_files(
     method: str, trajectory: Trajectory, starts: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[str, str]]:
-    """Names and contents: all poses, and where segments begin, the poses of each by itself."""
+    """Yields names and contents of files: one with all poses, and, if there are several segments, one for each."""
     yield trajectory_file(method), tum_text(trajectory)
     segments = list(segments_of(trajectory, starts))
     for number, segment in enumerate(segments if len(segments) > 1 else (), 1):
@@ -78,7 +78,7 @@ def trajectory_files(
 
 
 def segments_of(trajectory: Trajectory, starts: Sequence[tuple[int, int]]) -> Iterator[Trajectory]:
-    """The parts that no observation joins to each other, each of one world: those that have poses."""
+    """Yields the segments that have poses. No observation joins two segments; each has its own world."""
     if not starts:
         return
     begin_ns, worlds = np.array(starts, np.int64).T
@@ -90,7 +90,7 @@ def segments_of(trajectory: Trajectory, starts: Sequence[tuple[int, int]]) -> It
 
 
 def _segment(part: Trajectory, results: Results, metric: bool) -> dict[str, Any]:
-    """A stretch that no observation joins to the others, measured by itself."""
+    """Returns the metrics of one segment, which no observation joins to the others."""
     found: dict[str, Any] = {"from_ns": int(part.times_ns[0]), "until_ns": int(part.times_ns[-1]), "poses": len(part)}
     if results.truth is not None:
         found |= metrics.path_errors(part, results.truth, results.rig, metric)

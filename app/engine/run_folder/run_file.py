@@ -1,4 +1,4 @@
-"""run.yaml: what is needed to repeat a run, and to know that it was on the same images."""
+"""run.yaml: the data that repeat a run, and that show whether it used the same images."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NEEDED = {"source": str, "sequence": str, "notes": list, "options": dict, "conf
 
 @dataclass(frozen=True)
 class RunFile:
-    """Plain values, lists of them, and mappings of those."""
+    """The content of run.yaml: plain values, lists, and mappings."""
 
     source: str
     sequence: str
@@ -47,34 +47,34 @@ class RunFile:
     """By method: every setting."""
     notes: list[str] = field(default_factory=list)
     exposures: Mapping[str, int] = field(default_factory=dict)
-    """Given, by kind: video, stereo."""
+    """Number of frames by kind: video, stereo."""
     duration_s: float = 0.0
     """From the first of these frames to the last."""
     images_sha256: str | None = None
-    """Of all images that the estimators saw; None where the run did not come to its end."""
+    """SHA-256 of all images that the estimators saw; None where the run did not reach its end."""
     versions: Mapping[str, str] = field(default_factory=dict)
     platform: str = ""
     processor: str = ""
     """Its model; empty where the run of an earlier version does not say."""
     forked: list[Mapping[str, Any]] = field(default_factory=list)
-    """What ran before this run's settings, oldest first: {run, at, methods, config}; see `earlier`."""
+    """The stages before this run's settings, oldest first: {run, at, methods, config}; see `earlier`."""
     stopped: Mapping[str, Any] | None = None
-    """By what --until stopped the run: `exposure`, `time_ns`, `values` by name; None where it did not."""
+    """Where --until stopped the run: `exposure`, `time_ns`, `values` by name; None where it did not stop it."""
     placements: list[Mapping[str, Any]] = field(default_factory=list)
     """Where in the shared world each method's own world is, from which frame on; see placements.py."""
     own: bool = False
-    """Whether this program wrote the file on this machine, and nobody changed it since; not in the file."""
+    """Whether this program wrote the file on this machine, and nobody changed it since. It is not in the file."""
 
     @property
     def earlier(self) -> tuple[Stage, ...]:
-        """The runs that this one was forked from, up to where they were left.
+        """Returns the runs from which this one was forked, up to their forks.
 
         InputError where that is not as `ispom fork` writes it.
         """
         return tuple(_stage(entry) for entry in self.forked)
 
     def configs(self) -> Config:
-        """The settings; InputError for what is none."""
+        """Returns the settings. InputError for an invalid one."""
         return _config(self.config, "config")
 
     def files_named(self) -> dict[str, str]:
@@ -96,7 +96,7 @@ class RunFile:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Those of the run that this installation knows."""
+        """Returns the run's methods, without those that this installation does not have."""
         listed = self.options.get("methods")
         return tuple(name for name in names() if isinstance(listed, list) and name in listed)
 
@@ -118,7 +118,7 @@ def run_file(
     stopped: Mapping[str, Any] | None = None,
     placements: Iterable[Mapping[str, Any]] = (),
 ) -> RunFile:
-    """Of a run on this machine, with these versions."""
+    """Returns the run.yaml of a run on this machine, with the versions of its packages."""
     times_ns = sequence.times_ns
     return RunFile(
         source,
@@ -139,7 +139,8 @@ def run_file(
 
 
 def fork_entry(run: str, stage: Stage) -> dict[str, Any]:
-    """What a fork's file says of `run`, which it is as up to the stage's end; the frame `at` counts from 0."""
+    """Returns the entry about `run` in the file of its fork, which is the same up to the end of the stage. Frame `at`
+    counts from 0."""
     config = {name: asdict(stage.config.of(name)) for name in with_dependencies(stage.methods)}
     return {"run": run, "at": stage.until, "methods": list(stage.methods), "config": config}
 
@@ -158,7 +159,7 @@ def _config(plain: Any, where: str) -> Config:
 
 
 def versions() -> dict[str, str]:
-    """Of the packages that are here; the ray caster has no wheels for some machines."""
+    """Returns the versions of the installed packages; some machines have no wheel of the ray caster."""
     found = {}
     for name in PACKAGES:
         with suppress(PackageNotFoundError):
@@ -219,7 +220,8 @@ def _text(value: Any) -> str:
 
 
 def _require_plain(path: Path, value: Any, depth: int) -> None:
-    """Refuses nests, for YAML's aliases can make a small file a huge page, and names that are no text."""
+    """Raises InputError for deep nesting, because YAML's aliases can make a small file huge, and for names that are no
+    text."""
     inner = [*value.values(), *value.keys()] if isinstance(value, dict) else value if isinstance(value, list) else []
     if depth > 6 or len(inner) > 500:
         raise InputError(f"{path} holds more than a run's settings: restore the file, or run again")

@@ -1,4 +1,5 @@
-"""The folder of a run: complete, or it says that it is not. One that holds anything else is never written to."""
+"""The folder of a run. It is complete, or has a marker that says that it is not. A folder with anything else is never
+changed."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ LOCK = ".lock"
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Keeps others from writing this file, or into this folder. A killed process holds nothing.
+    """Locks this file or folder against other writers. The lock of a killed process ends with it.
 
     InputError where somebody else is writing; OSError where the disk does not take the lock.
     """
@@ -36,7 +37,7 @@ def locked(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # a lock file that stays behind is nobody's
+        with suppress(OSError):  # a lock file that is not removed locks nothing
             place.unlink(missing_ok=True)
         lock.release()
 
@@ -51,7 +52,7 @@ def is_locked(path: Path) -> bool:
 
 
 MARKER = "INCOMPLETE"
-"""The file that says that a run is not complete, and in its first line why."""
+"""The file that marks a run as incomplete; its first line says why."""
 RUN, RIG, TRUTH, METRICS = "run.yaml", "rig.yaml", "truth.tum", "metrics.json"
 CORRECTED_RIG = "rig_corrected.yaml"
 """The rig as the methods corrected it; only where they did."""
@@ -69,12 +70,14 @@ def trajectory_file(method: str) -> str:
 
 
 def segment_file(method: str, number: int | str) -> str:
-    """Of the poses of one segment, from 1; only where a trajectory has several."""
+    """Returns the name of the file with the poses of one segment, counted from 1. Only trajectories with several
+    segments have such files."""
     return f"{method}_segment_{number}.tum"
 
 
 class RunFolder:
-    """Where one run is written to, by one process. Every file appears whole or not at all; the marker goes last."""
+    """The folder into which one process writes one run. Each file appears complete or not at all; the marker is removed
+    last."""
 
     def __init__(self, path: Path, fresh: bool = True) -> None:
         """Claims a new or empty folder, or that of an incomplete run, whose files are removed.
@@ -104,7 +107,7 @@ class RunFolder:
 
     @staticmethod
     def new(path: Path) -> RunFolder:
-        """One of this name that did not exist before, or else with a number at its end; InputError as above."""
+        """Returns a new folder of this name, with a number at its end if that exists. InputError as `__init__`."""
         exists(path.parent)  # or a link to nothing, in which nothing can be made
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -119,7 +122,7 @@ class RunFolder:
 
     @staticmethod
     def reopened(path: Path) -> RunFolder:
-        """That of an incomplete run, as it is. InputError where another process writes to it."""
+        """Returns the folder of an incomplete run, unchanged. InputError where another process writes to it."""
         return RunFolder(path, fresh=False)
 
     @property
@@ -135,7 +138,7 @@ class RunFolder:
         self._claim.close()
 
     def write(self, name: str, content: str | bytes) -> None:
-        """Where the disk does not take it, `problem` says so."""
+        """Writes a file. If that fails, `problem` says so."""
         try:
             replace_whole(self.path / name, content)
         except OSError as error:
@@ -154,7 +157,7 @@ class RunFolder:
         return f"{self.path / names} cannot be written ({reasons}): make room, or give another folder"
 
     def part(self, name: str) -> Path:
-        """Where a file is while it grows; `keep` gives it its name."""
+        """Returns the path of a file while it grows; `keep` gives it its final name."""
         return part_of(self.path / name)
 
     def keep(self, name: str) -> None:
@@ -163,7 +166,7 @@ class RunFolder:
             os.replace(self.part(name), self.path / name)
 
     def failed(self, reason: str) -> None:
-        """Says why the run is not complete; where even that cannot be written, the marker stays as it was."""
+        """Writes into the marker why the run is not complete. If that fails, the marker is unchanged."""
         with suppress(OSError):
             self._mark(reason)
 
@@ -176,12 +179,12 @@ class RunFolder:
 
 
 def is_incomplete(path: Path) -> bool:
-    """Whether `ispom run` wrote to this folder and did not come to its end. OSError where that cannot be read."""
+    """Returns whether `ispom run` wrote to this folder and did not finish. OSError where the marker cannot be read."""
     return is_signed(path / MARKER, "run")
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether this is the folder of a run that was killed, or that goes on: its files are not what they will be.
+    """Returns whether this is the folder of a run that was killed or is still going on, so its files are not final.
 
     False for anything else, and for what cannot be read.
     """
@@ -192,8 +195,8 @@ def is_unfinished(path: Path) -> bool:
 
 
 def ended_early(path: Path) -> str:
-    """The line about a run that was stopped, or killed and then repaired: how many of its frames there are. Empty for
-    any other run, for one whose files are not what they will be, and where that cannot be read."""
+    """Returns the line about a run that was stopped, or killed and then repaired, with the number of its frames. Empty
+    for other runs, for runs whose files are not final, and where the line cannot be read."""
     try:
         stopped = is_incomplete(path) and not is_unfinished(path) and (path / METRICS).exists()
         return next(iter(mark_text(path / MARKER).splitlines()), "") if stopped else ""
@@ -202,7 +205,7 @@ def ended_early(path: Path) -> str:
 
 
 def _require_free(path: Path) -> list[Path]:
-    """What an earlier, incomplete run left, the lock aside; InputError where there is anything else."""
+    """Returns the files of an earlier, incomplete run, without the lock. InputError where there is any other file."""
     present = [entry for entry in sorted(path.iterdir()) if entry.name != LOCK]
     if not present:
         return []

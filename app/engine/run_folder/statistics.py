@@ -1,4 +1,4 @@
-"""What is counted while a run goes on."""
+"""Statistics that are collected during a run."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ class ImagesDigest:
 
 @dataclass
 class RunStatistics:
-    """Grows by 4 bytes for each frame and method: 20,000 frames of three are 240 kB."""
+    """The statistics of a run. It grows by 4 bytes for each frame and method: 20,000 frames of three methods take
+    240 kB."""
 
     ms: dict[str, array[float]] = field(default_factory=dict)
     """By method: the time for each frame [ms]."""
@@ -43,12 +44,12 @@ class RunStatistics:
     lost: dict[str, int] = field(default_factory=dict)
     located: dict[str, int] = field(default_factory=dict)
     starts: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
-    """By method, of each segment: where it begins [ns], and the number of the first one whose world and unit it has;
-    segments in which it is never located included."""
+    """By method: for each segment its first time [ns], and the number of the first segment with its world and unit.
+    Segments in which the method is never located are included."""
     skipped: list[str] = field(default_factory=list)
-    """What was wrong with each frame that was skipped; of a run that goes on at most one in a hundred."""
+    """Why each skipped frame was skipped. A run ends when more than one in a hundred is skipped."""
     waits: dict[str, str] = field(default_factory=dict)
-    """Of each method that was never located: the check that failed last, as a sentence."""
+    """For each method that was never located: the sentence of the check that failed last."""
     images: ImagesDigest = field(default_factory=ImagesDigest)
 
     def add(self, event: Stepped) -> None:
@@ -85,7 +86,7 @@ class RunStatistics:
             self.starts[method] = [(t, earlier if world == own else world) for t, world in starts]
 
     def segments(self, method: str) -> list[tuple[int, int]]:
-        """See `starts`; none where it was never located, as held poses say nothing."""
+        """Returns the segments of a method, see `starts`; none where it was never located."""
         return self.starts.get(method, []) if self.located.get(method) else []
 
     def entry(self, method: str) -> dict[str, Any]:

@@ -43,7 +43,8 @@ DECISION_COLUMNS = (
 
 
 class StepLog:
-    """The two files of one run, growing row by row; nothing is kept in memory. They get their names at the end."""
+    """Writes the two files of one run row by row, and keeps nothing in memory. The files get their final names at the
+    end."""
 
     def __init__(self, folder: RunFolder) -> None:
         self._steps = GrowingTable(folder, STEPS, STEP_COLUMNS)
@@ -59,13 +60,13 @@ class StepLog:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Closes both files, whole as far as they go, and gives them their names."""
+        """Closes both files, which end with a complete row, and gives them their final names."""
         self._steps.close()
         self._decisions.close()
 
 
 def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
-    """Times, losses and segments by the rows of steps.csv."""
+    """Returns times, losses and segments from the rows of steps.csv."""
     statistics = RunStatistics()
     for row in rows:
         with suppress(KeyError, ValueError, OverflowError):

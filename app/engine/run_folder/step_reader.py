@@ -1,4 +1,4 @@
-"""steps.csv and decisions.csv read again, row by row, with the place of every mistake. Nothing in them is trusted."""
+"""Reads steps.csv and decisions.csv row by row. Every value is checked; messages name the line of a mistake."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ Record = tuple[int, dict[str, str]]
 """Number of the line, and the cells by column."""
 KINDS = {quantity.key: quantity.kind for quantity in STEP_QUANTITIES}
 LATER = frozenset({"provisional", "segment_age_ns"})
-"""Columns that runs of earlier versions lack: nothing is known of them there."""
+"""Columns that runs of earlier versions lack; their values are unknown there."""
 RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), get_args(DecisionKind)
 
 
 @dataclass(frozen=True, eq=False)
 class StoredStep:
-    """The values of one method at one frame, as the folder has them."""
+    """The values of one method at one frame, as they are in the folder."""
 
     exposure: int
     time_ns: int
@@ -50,7 +50,8 @@ class StoredStep:
 
 @contextmanager
 def stored_steps(folder: Path) -> Iterator[Iterator[StoredStep]]:
-    """Of a run's folder, in order; InputError, also while they are read, where there are none, or not as written."""
+    """Yields the steps of a run's folder in order. InputError, also during reading, where the files are missing or
+    invalid."""
     for name in (STEPS, DECISIONS):
         if not exists(folder / name):
             cure = "finish it with `ispom repair`, or run again" if folder.is_dir() else "give the folder of a run"

@@ -16,13 +16,13 @@ from ispom.io.whole import create_file
 from .run_folder import RunFolder
 
 LONGEST_LINE = 1 << 20
-"""Bytes of a row that we write: one of 500 checks is far below."""
+"""Most bytes of a row: a row with 500 checks is far below."""
 
 
 class GrowingTable:
-    """A CSV file of a run. All rows are with the system when `add` returns: a killed process loses none of them.
+    """A CSV file of a run. When `add` returns, the operating system has all rows: a killed process loses none.
 
-    Where the disk takes no more, the file ends with a whole row, the run's folder says so, and the run goes on.
+    Where the disk is full, the file ends with a complete row, the run's folder says so, and the run continues.
     """
 
     def __init__(self, folder: RunFolder, name: str, columns: Sequence[str]) -> None:
@@ -65,9 +65,9 @@ class GrowingTable:
 
 
 def read_table(path: Path) -> list[dict[str, str]]:
-    """The whole rows of a table whose writer may have been killed; none where there is no such file.
+    """Returns the complete rows of a table whose writer may have been killed; none where there is no such file.
 
-    Rows that are damaged are left out. InputError where the path is no regular file, or cannot be read.
+    Damaged rows are skipped. InputError where the path is no regular file, or cannot be read.
     """
     if not exists(path):
         return []
@@ -83,13 +83,13 @@ def read_table(path: Path) -> list[dict[str, str]]:
 
 
 def _whole_lines(file: BinaryIO) -> Iterator[str]:
-    """Until the first that is not whole: nothing is taken from a file that has no lines, however large it is."""
+    """Yields lines up to the first incomplete one. A file without line breaks yields nothing, however large it is."""
     while (line := file.readline(LONGEST_LINE)).endswith(b"\n"):
         yield line.decode(errors="replace")
 
 
 def cut_to_rows(path: Path) -> None:
-    """Takes away a last row that was not written to its end.
+    """Removes the last row if it is incomplete.
 
     InputError where the path is a link, or no table. OSError where the file cannot be changed.
     """

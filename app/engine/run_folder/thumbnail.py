@@ -1,4 +1,4 @@
-"""Images as JPEG, and the small picture of a run: what its camera saw half way."""
+"""Images as JPEG, and the thumbnail of a run: the image in its middle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def thumbnail(sequence: Sequence, count: int) -> bytes | None:
 
 
 def jpeg(image: Image, quality: int, most_px: int | None = None) -> bytes:
-    """An image, grey or RGB, at most so wide."""
+    """Returns the JPEG of an image, grey or RGB, reduced to at most `most_px` pixels of width."""
     if most_px is not None and image.shape[1] > most_px:
         size = (most_px, max(1, round(image.shape[0] * most_px / image.shape[1])))
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)

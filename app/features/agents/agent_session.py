@@ -28,7 +28,7 @@ T = TypeVar("T")
 PATIENCE_S = 300.0
 """For one piece of work in the session's thread: opening a video may find its calibration first."""
 LOOK_S = 0.02
-"""Between two looks at how far a computation has come."""
+"""Interval between two looks at the progress of a computation."""
 SIMULATION = "sim:"
 
 
@@ -199,8 +199,8 @@ class AgentSession:
         return frozenset(each.name for each in list_recordings(self.runs))
 
     def compute(self, frame: int | None, seconds: float) -> None:
-        """Computes the frames up to this one (None: the last), as far as that goes in so many seconds; what is left
-        goes on in the background. InputError where a frame cannot be computed."""
+        """Computes the frames up to `frame` (None: the last), and waits for at most `seconds`; the rest is computed in
+        the background. InputError where a frame cannot be computed."""
         run, notices = self.run, self.state.notice_count
         target = run.last if frame is None else min(frame, run.last)
         self.carry_out(lambda controller: controller.player.move(*moves.seek(controller.run, target)))

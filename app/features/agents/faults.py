@@ -9,7 +9,7 @@ from ispom.errors import printable
 
 LOGGERS = ("mcp", "uvicorn", "sse_starlette")
 MOST, WITHIN_S = 10, 60.0
-"""So many lines in so long; the rest are counted."""
+"""Most lines that are logged within this time; further ones are only counted."""
 
 
 class OneLine(logging.Handler):

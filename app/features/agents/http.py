@@ -23,7 +23,7 @@ from .server import AgentServer
 
 HOST, PATH = "127.0.0.1", "/mcp"
 MOST_BYTES = 1 << 20
-"""Of a request: the longest argument is a condition."""
+"""Most bytes of a request; the longest argument is a condition."""
 _NO_TOKEN = (
     b"This server needs its token: use the address that ISPOM printed in its terminal, or Authorization: Bearer TOKEN\n"
 )

@@ -24,7 +24,7 @@ from ..doctor.state import Examined
 from ..doctor.view import unexplained, untried
 
 TOO_LOW = {"max_tracks": "only {} tracks are allowed"}
-"""By setting: what its value does where a larger one helps."""
+"""By setting: what its value causes if a larger one helps."""
 
 Tone = Literal["quiet", "ok", "warning", "lost"]
 

@@ -29,7 +29,7 @@ from .words import answer, digits, size, unit_of
 
 WIDTH = 120
 COLUMNS = ("kind", "name", "tracks", "frame", "x", "y", "z", "moved_m", "turned_deg")
-"""Of blame.csv: x, y, z in the method's world and unit; `moved_m` is empty where that unit is not known."""
+"""Columns of blame.csv: x, y, z in the method's world and unit; `moved_m` is empty where that unit is unknown."""
 
 
 def blame(options: Blame, builder: Builder = build) -> int:

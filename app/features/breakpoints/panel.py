@@ -28,7 +28,7 @@ HINT = (
     "next one of those that are computed."
 )
 MOST_NAMES = 12
-"""Of the names that fit what is being written, so many are listed."""
+"""Most names that are listed of those that fit what is being written."""
 EXAMPLE = 'stereo.status == "lost" or monocular.inliers < 30'
 
 

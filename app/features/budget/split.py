@@ -34,7 +34,7 @@ STARTS = 3
 APART = 12
 """A run begins again after each such part of its frames: three starts are within the first quarter."""
 RERUNS = 4
-"""Of each repetition: unchanged, with the calibration, with the clock, and without contradicted tracks."""
+"""Number of reruns of each repetition: unchanged, with the calibration, with the clock, without contradicted tracks."""
 FEW = "the rerun has too few poses at the frames of the run"
 
 

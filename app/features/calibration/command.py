@@ -38,7 +38,7 @@ from .words import printed
 REDO = 1
 MOST_WITHIN_S = 120.0
 NEAR_S = 0.3
-"""Images of the video so much earlier and later than a pair say where the camera was between them."""
+"""Images of the video within this time before and after a pair determine the pose of the camera between them."""
 
 
 def calibrate(options: Calibrate) -> int:

@@ -25,7 +25,7 @@ MOST_LISTED = 50
 MOST_READ = 500
 """Folders that are looked into."""
 MOST_BYTES, LONGEST_TEXT = 16 << 20, 300
-"""Of a file of numbers, and characters of what is shown of it."""
+"""Most bytes of a file of numbers, and most characters of it that are shown."""
 
 
 @dataclass(frozen=True)

@@ -47,10 +47,9 @@ class Calibrate:
     joint: bool = True
     """Adjust the cameras' interiors together with their places; else by their own views alone."""
     max_views: int = 120
-    """Use at most so many images of each camera, chosen by sharpness and novelty."""
+    """Most images that are used of each camera; they are chosen by sharpness and novelty."""
     clock_within: float = 5.0
-    """Of a rig whose video has times of its own (films, or times.txt): look for its clock offset within so many
-    seconds."""
+    """Largest clock offset [s] that is looked for, of a rig whose video has times of its own (films, or times.txt)."""
     report: Path | None = None
     """Write a page with all detections, residuals and maps to this HTML file."""
     json: Path | None = None

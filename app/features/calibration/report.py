@@ -12,9 +12,9 @@ from .words import facts, model_words, parameter_words, used_words
 
 GENERATOR = "ispom calibrate --report"
 ARROW = 40.0
-"""Residuals are drawn so many times as long as they are,"""
+"""Factor by which residuals are drawn longer than they are."""
 HALVES_ARROW = 20.0
-"""differences of the two halves so many times."""
+"""Factor by which differences of the two halves are drawn longer than they are."""
 
 
 def page(found: Calibration) -> str:

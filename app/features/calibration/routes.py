@@ -34,7 +34,7 @@ DRAWINGS = {
     "tilts": "Tilt of the board: right and up to 60 degrees",
     "histogram": "Residuals: how many of each size",
 }
-"""By name of a drawing: its title."""
+"""Titles of drawings, by name."""
 
 
 def shown(progress: Progress) -> dict[str, Any]:

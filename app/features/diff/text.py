@@ -24,7 +24,7 @@ def lines(divergence: Divergence) -> Iterator[str]:
 
 
 def shown(value: object, digits: int = LOSSLESS) -> str:
-    """A value of one side, with so many significant digits."""
+    """Returns the text of a value of one side, with `digits` significant digits."""
     if value is None:
         return "missing"
     if isinstance(value, bool):

@@ -13,7 +13,7 @@ from ispom.settings import Range
 from ...engine.options import MovedSource, Programs
 
 FRAMES, SECONDS = 45, 60.0
-"""Of an examination, where a person says nothing else."""
+"""Default number of frames of an examination, and default seconds for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,6 @@ class Doctor(Programs, MovedSource):
     frames: Annotated[int, Range(8, 400)] = FRAMES
     """Frames of the main camera (video, else stereo) that are examined, most of them before that one."""
     seconds: Annotated[float, Range(1, 3600)] = SECONDS
-    """No new suspect is examined after so many seconds."""
+    """Seconds after which no new suspect is examined."""
     out: Path | None = None
     """Folder for doctor.json, with all figures."""

@@ -23,12 +23,12 @@ from ...engine.run_events.table import EventRecorder
 from .origin import Origin, without_points
 
 SEEDS = (None, 1, 2)
-"""Of the repetitions of a rerun: with the images as they are, then with noise on them."""
+"""Seeds of the repetitions of a rerun: None has the images unchanged, the others add noise to them."""
 NOISE = 1
 """Largest noise of a repetition [grey levels]: less than that of any camera, and enough for other tracks."""
 WHOLE = 400
-"""A run of so many measurements, or fewer, is rerun from its start to its end where a setting is set back; of a longer
-one only the stretch is."""
+"""Most measurements of a run that is rerun from start to end where a setting is set back; of a longer run only the
+stretch is rerun."""
 NOT_SET_BACK = "Not all settings were set back to their defaults: no time was left."
 NOT_TRIED = "Settings not tried: no time was left."
 REPAIRED = "Nothing is left to improve then, so no other setting of {} was tried."

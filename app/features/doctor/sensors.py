@@ -17,8 +17,8 @@ from ...engine.run_events.stretch import Stretch
 from .origin import Origin
 
 AROUND_NS = 60_000_000_000
-"""Sensors are judged so long before and after the stretch [ns]: clocks and mounts stay the same, and no turn is near
-every stretch. Two minutes of images take a few seconds."""
+"""Time before and after the stretch in which sensors are judged [ns]: clocks and mounts stay the same, and no turn is
+near every stretch. Two minutes of images take a few seconds."""
 IMAGES = frozenset({"video", "stereo"})
 
 

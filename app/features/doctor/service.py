@@ -40,7 +40,7 @@ class _Work:
     """What the worker's thread and the examination's share. The fields are only ever replaced."""
 
     limit_s: float
-    """After so many seconds nothing new begins."""
+    """Seconds after which no new suspect is examined."""
     stop: Event = field(default_factory=Event)
     progress: Progress | None = None
     diagnosis: Diagnosis | None = None

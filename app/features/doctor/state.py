@@ -30,7 +30,7 @@ class Examined(FeatureState):
     taken_s: int = 0
     """Whole seconds that it has taken so far, without the compilation before it."""
     limit_s: int = 0
-    """After so many seconds it begins nothing new."""
+    """Seconds after which no new suspect is examined."""
 
     def at(self, state: State) -> Examined:
         """Returns it where it is of the branch that is shown, and else that there is none."""

@@ -22,7 +22,7 @@ from .coloured import along
 from .evaluated import Evaluated
 
 OTHERS: tuple[Rgb, ...] = ((230, 159, 0), (86, 180, 233), (140, 86, 75), (0, 0, 0), (170, 160, 40))
-"""Of files that are called like no method: orange, sky blue, brown, black, mustard; none is a method's."""
+"""Colours of files whose name is no method: orange, sky blue, brown, black, mustard; none is a method's colour."""
 DASHES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot")
 
 
@@ -56,7 +56,7 @@ def _dash(n: int) -> Any:
 
 
 AUTHOR = "ISPOM evaluate"
-"""By this in its head a plot is known as ours."""
+"""Author in the head of a plot, by which our own plots are recognised."""
 PLANES = ((0, 1), (0, 2), (1, 2))
 Styled = Sequence[tuple[Evaluated, LineStyle]]
 

@@ -16,7 +16,7 @@ from .options import Evaluate
 from .written import written
 
 MOST_ESTIMATES = MOST_PAIRED - 1
-"""Of one answer: as many as are also compared with each other."""
+"""Most estimates of one answer: as many as can be compared with each other."""
 
 
 def evaluate(

@@ -34,7 +34,7 @@ from .results import milliseconds
 from .row import Row
 
 PLAN = "sweep.yaml"
-"""In the folder: `ispom experiment FOLDER/sweep.yaml --out FOLDER` goes on with it."""
+"""File of the plan in the folder: `ispom experiment FOLDER/sweep.yaml --out FOLDER` continues it."""
 REPORT_INTERVAL_S = 0.2
 """Interval between two messages about the frames of a run."""
 

@@ -105,11 +105,11 @@ def remove_abandoned() -> None:
 
 
 ATTEMPTS = 3
-"""A run whose worker died so often is a row that says so."""
+"""Number of times that the worker of a run may die; after that, the run's row says so."""
 ANSWER_S = 20.0
 """A cluster that has not answered within this time is not there."""
 LOOK_S = 0.3
-"""Between two looks at whether the workers live."""
+"""Interval between two tests whether the workers live."""
 
 
 class Piece(Protocol):

@@ -65,11 +65,11 @@ def windows_percent(scale: StepScale) -> np.ndarray:
 
 
 AUTHOR = "ISPOM experiment"
-"""By this in its head a figure is known as ours."""
+"""Author in the head of a figure, by which our own figures are recognised."""
 FORMATS = ("png", "svg")
 WIDTH_IN = 9.0
 MOST_LINES = 12
-"""Of paths in one figure; of more lines only the quantities are drawn."""
+"""Most paths in one figure; with more lines only the quantities are drawn."""
 LOGARITHMIC_RATIO = 30
 """Values that differ by more than this factor are drawn on a logarithmic axis."""
 

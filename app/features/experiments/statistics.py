@@ -14,7 +14,7 @@ from .plan import COVERAGE, Plan, Statement
 from .row import Row
 
 MIN_PAIRS = 5
-"""With fewer pairs not even a difference of one sign is rare by chance: 2 / 2^5 = 0.06."""
+"""Least number of pairs: with fewer, even differences of only one sign are not rare by chance (2 / 2^5 = 0.06)."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ LOCAL = "127.0.0.1:0"
 OUT_OF_MEMORY = 77
 """Exit code."""
 LOOK_S = 0.3
-"""Between two looks at the memory."""
+"""Interval between two measurements of the memory."""
 
 
 def without_pages() -> None:

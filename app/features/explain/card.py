@@ -44,7 +44,7 @@ TAGS = {
     Severity.LOST: "lost",
 }
 CROWD = 6
-"""From so many measurements behind one question on, those that are not significant share a line."""
+"""Least number of insignificant measurements behind one question that share a line."""
 
 
 class Stage(msgspec.Struct, frozen=True):

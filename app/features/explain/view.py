@@ -23,7 +23,7 @@ from .card import Card, CheckRow, Details, cards
 
 TAB = "Explain"
 AROUND = 60
-"""Of a run with more events than three times this, those nearest to the frame shown are listed."""
+"""Least number of events listed before and after the frame shown, of a run with more than three times as many."""
 
 
 class Since(msgspec.Struct, frozen=True):

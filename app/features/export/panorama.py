@@ -18,7 +18,7 @@ from ...engine.run_folder.run_file import read_run_file
 from ...session.review.stored import stored_source
 
 APART_DEG, MOST = 4.0, 200
-"""Orientations of the images that are used differ by so much, and are no more than these."""
+"""Least difference of the orientations of the images that are used, and their largest number."""
 
 
 def panorama_png(run: Path, trajectory: Trajectory) -> tuple[bytes, str]:

@@ -28,11 +28,11 @@ from scipy.stats import norm, t, wilcoxon
 from ispom.geometry import Array
 
 MOST_EXACT = 50
-"""Up to so many pairs the distribution of the statistic is computed exactly; above, by its normal limit."""
+"""Most pairs with which the distribution of the statistic is computed exactly; with more, its normal limit is used."""
 FAILED = 50.0
 """Value of a pair that gave a result before and none after: beyond the logarithm of every ratio of errors."""
 HALVINGS = 48
-"""Of the range of the logarithms, until the bounds of the interval are known to all digits that matter."""
+"""Number of halvings of the range of the logarithms after which the bounds of the interval are exact enough."""
 
 
 @dataclass(frozen=True)

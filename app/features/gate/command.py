@@ -32,9 +32,9 @@ COMMAND, PAGE, NUMBERS = "gate", "gate.html", "gate.json"
 AFTER = "after"
 """Folder of the runs with the code as it is now: an experiment, as the baseline is one."""
 EXIT_CODES = {"better": 0, "same": 0, "worse": 1, "cannot tell": 3}
-"""By verdict; 2 is for a mistake of the user."""
+"""Exit codes by verdict; 2 is for a mistake of the user."""
 FIRST_PAIRS = 5
-"""Of a line: with so many its scatter is known roughly, and its power is stated again."""
+"""Number of pairs of a line with which its scatter is known roughly, and its power is stated again."""
 
 
 def gate(options: Gate, builder: Builder = build) -> int:

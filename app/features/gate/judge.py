@@ -95,7 +95,7 @@ class Judgement:
     coverage: Tested | None = None
     """Of the fall of the share of localised frames [percentage points]."""
     pairs_that_decide: int | None = None
-    """Where it cannot tell: with about so many pairs like these it could; None: with no number."""
+    """Where the verdict is "cannot tell": about how many pairs like these would decide; None: no number would."""
     seeds_that_decide: int | None = None
     """The same as seeds of the plan's simulations; None where it has none, too."""
 
@@ -293,7 +293,7 @@ def _pairs_that_decide(
 
 
 def _seeds(plan: Plan, line: str, pairs: int) -> int | None:
-    """Returns how many seeds of the simulations give so many pairs; recordings have one each."""
+    """Returns how many seeds of each simulation give `pairs` pairs; a recording gives one pair."""
     sources = [source for source in plan.sources if plan.line(line).runs_on(source)]
     simulated = sum(source.startswith("sim:") for source in sources)
     return math.ceil((pairs - len(sources) + simulated) / simulated) if simulated else None

@@ -23,7 +23,7 @@ GENERATOR = "ISPOM gate"
 MOST_ROWS = 200
 """Pairs in the table of the page, the worst first; gate.json has all of them."""
 PLOT_WIDTH, PLOT_HEIGHT = 640, 44
-"""Of the drawing of a quantity's pairs [px]."""
+"""Size of the drawing of a quantity's pairs [px]."""
 
 
 def signed_percent(log_ratio: float | None) -> str:

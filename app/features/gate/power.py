@@ -88,8 +88,9 @@ def smallest_growth(pairs: int, spread: float, effect: float, level: float) -> f
 
 
 def pairs_that_decide(logs: Array, effect: float, level: float, one_sided: bool = False) -> int | None:
-    """Returns about how many pairs would decide, where those to come are like `logs` (N,): with so many, POWER of the
-    gates do not say "cannot tell". `one_sided`: what fell is decided as well. None: no number up to MOST_PAIRS.
+    """Returns about how many pairs would decide, if the pairs to come are like `logs` (N,): the least number with which
+    the share POWER of the gates does not say "cannot tell". `one_sided`: what fell is decided as well. None: no number
+    up to MOST_PAIRS is enough.
 
     The pairs to come are drawn from those known. That plans a next gate; no verdict rests on it.
     """

@@ -66,7 +66,7 @@ def _answer(request: Callable[..., dict[str, Any]], arguments: tuple[Any, ...]) 
 
 
 def _read(file: int, count: int) -> bytes:
-    """Returns so many bytes; fewer at the end."""
+    """Returns the next `count` bytes; fewer at the end of the file."""
     parts, left = [], count
     while left and (some := os.read(file, min(left, 1 << 20))):
         parts.append(some)

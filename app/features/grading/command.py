@@ -27,7 +27,7 @@ MOST_RUNS = 100
 MOST_SECONDS, MOST_GB = 86400, 4096
 FROM_INPUT = "-"
 MOST_LETTERS = 1000
-"""Of a key."""
+"""Most letters of a key."""
 
 
 def grade(options: Grade) -> int:

@@ -23,7 +23,7 @@ from .process import Failure, Limits, SubmissionProcess
 WRONG_PX = 2.0
 """A track farther than this from where its point is seen follows another point."""
 APART_NS = 330_000_000
-"""Two views are so far apart in time: 10 video frames."""
+"""Interval between two views: 10 video frames."""
 MOVED_PX = 2 * WRONG_PX
 """A track shows that it follows something when its point is seen so far from where the track began: what stands still
 in the image is right for as long as nothing moves."""
@@ -33,9 +33,9 @@ PROVEN_SHARE = 0.4
 """Of all observations (but those of tracks too young to tell), at least this share must be of tracks that show that
 they follow something; with less, the others are guesses. KLT has 0.85 and more, matched descriptors have 0.55."""
 PROVEN_TRACKS = 20
-"""With fewer right tracks in a frame, at places that differ, nothing can be estimated well."""
+"""Least number of right tracks in a frame, at different positions: with fewer nothing can be estimated well."""
 LANDMARKS = 10
-"""With fewer landmarks in a frame, their depth and reprojection error say nothing of a map."""
+"""Least number of landmarks in a frame from whose depth and reprojection error a map can be judged."""
 CELL_PX = 4.0
 """Tracks, or landmarks, in one cell of this size of the image count once."""
 LOCATED_SHARE = 0.5

@@ -19,7 +19,7 @@ from ispom.types import Landmarks, Status, Step, Tracks, Trajectory
 
 HEAD = struct.Struct("<Q")
 MOST_BYTES = 64 << 20
-"""Of an answer: a trajectory of 600,000 poses, or a million tracks."""
+"""Most bytes of an answer: a trajectory of 600,000 poses, or a million tracks."""
 FAR_PX, FAR = 1e5, 1e12
 """Image points beyond this, or not finite, are outside of the image; such landmarks are none."""
 NOWHERE_PX = -1e4

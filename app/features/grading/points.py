@@ -93,7 +93,7 @@ STAGES = (
 LABELS = {part.key: f"{part.label} [{part.unit}]" for stage in STAGES for part in stage.parts} | {
     "track_px": "distance of tracks from their points [px]"
 }
-"""Of values, by key."""
+"""Labels of values, by key."""
 
 
 @dataclass(frozen=True)

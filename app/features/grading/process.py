@@ -29,7 +29,7 @@ READ_BYTES = 1 << 20
 MOST_METHODS = 100
 UNITS = ("metric", "own")
 MOST_LETTERS = 300
-"""Of a sentence that comes from a submission."""
+"""Most letters of a sentence that comes from a submission."""
 PR_GET_DUMPABLE, PR_SET_DUMPABLE = 3, 4
 
 

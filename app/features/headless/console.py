@@ -14,7 +14,7 @@ from ispom.stop import LOOK_S, check_stop
 from ...engine import warmup
 
 Progress = Callable[[int | None], AbstractContextManager[Callable[[], None]]]
-"""Of so many frames (None: nobody knows): gives a function to call after each."""
+"""Takes the number of frames (None: unknown); gives a function to call after each frame."""
 
 
 def wait_for_compiler() -> None:

@@ -22,7 +22,7 @@ VIDEO, STEREO = colours.METHOD["monocular"], colours.METHOD["stereo"]
 """Colours of each camera's results."""
 BRACKET: Rgb = (230, 159, 0)
 MISSING: Rgb = (198, 40, 40)
-"""Of the way from the segment's end to where it has to be."""
+"""Colour of the line from the segment's end to its true position."""
 
 
 @dataclass(frozen=True, eq=False)

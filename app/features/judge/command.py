@@ -19,7 +19,7 @@ from .text import lines
 from .written import written
 
 EXIT_CODES = {"agrees": 0, "contradicted": 1, "cannot tell": 3}
-"""By verdict; 2 is for a mistake of the user."""
+"""Exit codes by verdict; 2 is for a mistake of the user."""
 
 
 def judge(options: Judge) -> int:

@@ -23,10 +23,10 @@ from .text import Judged, denied_text, of_all_poses, verdict
 
 PACKAGE = __name__.rpartition(".")[0]
 GENERATOR = "ISPOM judge"
-"""By this in it a file is known as ours."""
+"""Text in a file by which our own files are recognised."""
 WIDTH, HEIGHT = 960, 280
 LEFT, RIGHT, TOP, BOTTOM = 52, 936, 12, 250
-"""Of the axes within the plot [px]."""
+"""Edges of the axes within the plot [px]."""
 LEAST, MOST = 0.1, 1000.0
 """Misfits [standard deviations] that the plot can show; others are at its border."""
 MARKS = 6

@@ -34,7 +34,7 @@ def _renderer() -> MarkdownIt:
 
 
 WIDTH = 640
-"""Of the picture that is pointed at [px]."""
+"""Width of the image at which a person points [px]."""
 NOT_SO = (
     "On this machine the run came out otherwise than the text says (it holds for the versions of the libraries that it "
     "was tested with)."

@@ -84,7 +84,7 @@ def sampled(curve: tuple[Array, Array], x: Array) -> NDArray[np.float64]:
 
 
 SAMPLES = 24
-"""Of a drawn curve, evenly over its range of x."""
+"""Number of points of a drawn curve, evenly over its range of x."""
 Answer = int | float | tuple[float, ...]
 """The place of an option or the id of a track, a number, or the (SAMPLES,) heights of a curve."""
 

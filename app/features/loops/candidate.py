@@ -18,9 +18,9 @@ from ...presentation.decisions import sentence
 
 Verdict = Literal["accepted", "refused", "undecided"]
 METHODS = {"left": "stereo", "video": "monocular"}
-"""By camera: the method that compares its images."""
+"""The method that compares the images of a camera, by camera."""
 KINDS = {"left": "stereo", "video": "video"}
-"""By camera: the kind of its measurements."""
+"""The kind of the measurements of a camera, by camera."""
 ASKED, PENDING = "loop_asked", ("loop_views", "join_views", "join_scale")
 """The check of what was asked for; and those that a later image may still pass."""
 

@@ -66,7 +66,8 @@ class Docket(AbstractContextManager["Docket"]):
             yield decoder.decode(line)
 
     def shown(self) -> list[Trial]:
-        """Those with images: as many accepted as other ones, as far as there are so many, in order of time."""
+        """Returns the trials with images, in order of time: half of them accepted, as far as there are enough of both
+        kinds."""
         ranked = {accepted: [one for *_, one in sorted(some, reverse=True)] for accepted, some in self._shown.items()}
         fewest = self._most // 2
         others = min(len(ranked[False]), max(fewest, self._most - len(ranked[True])))

@@ -26,11 +26,11 @@ from .text import answer_lines, refusals, summary, truth_text
 PACKAGE = __name__.rpartition(".")[0]
 GENERATOR = "ISPOM loops"
 WIDTH_PX, QUALITY = 640, 80
-"""Of an image in the page."""
+"""Width and JPEG quality of an image in the page."""
 MOST_LINES = 150
 """Matches that are drawn of each kind, evenly chosen: more hide the images."""
 GAP_PX = 8
-"""Between both images."""
+"""Gap between both images."""
 
 
 def write_page(

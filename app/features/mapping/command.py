@@ -53,7 +53,7 @@ LASER_PICTURE = "laser.png"
 PREVIEW_TRIANGLES = 150_000
 """Limit for what the page draws in addition to everything else."""
 SHOWN_POINTS = 300_000
-"""Of a laser's cloud in the Rerun viewer, evenly; the files have all."""
+"""Most points of a laser's cloud in the Rerun viewer, taken evenly; the files have all points."""
 POINT_M = 0.02
 
 

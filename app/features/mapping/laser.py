@@ -128,7 +128,7 @@ def _errors(
 
 PANEL_IN = 4.4
 LENGTH_M, DEPTH_M = 16.0, 14.0
-"""Of what is shown: a stretch in the middle of the path, and how far it goes to the left."""
+"""Length of the stretch in the middle of the path that is shown, and its depth to the left."""
 WORST_M = 0.3
 """Errors from here on have one colour."""
 

@@ -30,11 +30,11 @@ VOXELS_IN_NEAR_DEPTH = 80
 MAX_DEPTH_BASELINES = 25.0
 """Where a disparity that is 0.25 px wrong puts a point 1 % of 25 baselines off, at a focal length of 600 px."""
 NEAREST_BASELINES = 4.0
-"""In the video; as DenseStereo has it in pairs."""
+"""Least depth in the video, in baselines, as DenseStereo has it for pairs."""
 EVERY_BASELINES = 1.0
-"""From one image of the video that gets a depth to the next,"""
+"""Displacement from one image of the video that gets a depth to the next, in baselines."""
 OTHERS_BASELINES = (1.0, 2.0)
-"""and from it to those that it is compared with, before and after it."""
+"""Displacements from such an image to those with which it is compared, before and after it, in baselines."""
 LEAST_BASELINES = 8.0
 """A path of fewer baselines than this is divided into as many: on a short one, nearer images are compared."""
 MAX_PIXELS = 640 * 480

@@ -14,7 +14,7 @@ from ...engine.options import MovedSource, ReadsRuns
 
 From = Literal["stereo", "video", "both"]
 SIMULATED = "sim"
-"""In place of a file: the profiler of a simulation."""
+"""Name in place of a file, for the profiler of a simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ APPLY_HINT = "Starts the run again from the first frame with these methods and s
 ALWAYS = ("monocular", "stereo", "integrated")
 """The methods of the paper, which always have a box; others have one where they run."""
 MORE: str = "choose a method"
-"""Of the list of more methods, while none is chosen: a choice joins the boxes above."""
+"""Entry of the list of more methods while none is chosen; a chosen method gets a box above."""
 RESTORE_HINT = "Puts all settings below back to their defaults; Apply or Fork makes them count."
 
 

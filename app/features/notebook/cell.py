@@ -41,9 +41,9 @@ STATIC = Path(__file__).parent / "static"
 SAMPLES = 8
 """Frames by which the size of all is estimated."""
 MOST_TRUE = 2000
-"""Places of the true path that are drawn: a cell is about so many pixels wide."""
+"""Most positions of the true path that are drawn: a cell is about as many pixels wide."""
 HEIGHT_PX = 560
-"""Of the page until it has said how high it is."""
+"""Height of the page until it has reported its own."""
 UNKNOWN = "A stored run keeps no single tracks: run it here with ispom.run to choose some."
 
 

@@ -32,7 +32,7 @@ from ...views.rerun.parts import image_root
 from ..explain.card import TINTS
 
 QUALITY = 60
-"""Of the JPEG images: a frame with 300 tracks takes about 40 kB."""
+"""Quality of the JPEG images: a frame with 300 tracks takes about 40 kB."""
 Message = dict[str, Any]
 """What `view.js` is told of a frame, as JSON has it."""
 

@@ -19,7 +19,7 @@ DEFAULT_PLOTS = (ERROR, "inliers")
 """What is plotted for every method until a person chooses otherwise."""
 MOST_PLOTS = 12
 NO_PLOTS = "none"
-"""In an address: nothing is plotted."""
+"""Value in an address for no plots."""
 
 
 def toggled(plots: tuple[str, ...], run: CurrentRun | None, name: str) -> tuple[str, ...]:

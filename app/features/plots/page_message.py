@@ -32,7 +32,7 @@ SLICE = 4000
 DIGITS = 5
 """Significant digits of a value: a plot shows three."""
 MOST_POINTS = 600
-"""Of a curve of errors; of more poses each point is the largest error of several."""
+"""Most points of a curve of errors; with more poses each point is the largest error of several."""
 _TITLES = {key: definition.label for key, definition in frame_record.DEFINITIONS.items()}
 _STEP_KEYS = {quantity.key for quantity in STEP_QUANTITIES}
 

@@ -20,7 +20,7 @@ LIMIT = 100
 CAN_FAIL = ("requirement", "warning")
 """Kinds of checks whose failure is one: a trigger that does not fire, and a finding, are none."""
 COLUMNS = ("status", "x", "y", "z", "qx", "qy", "qz", "qw", "key_frame", "inliers", "residual_median_px", "error_m")
-"""Of `steps`."""
+"""Columns of `steps`."""
 
 First = Annotated[int, "First frame, from 0."]
 Last = Annotated[int | None, "Last frame, included; null for the last computed one."]

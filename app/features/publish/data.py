@@ -27,7 +27,8 @@ from .stage import Stage, StageWriter
 
 
 def data_files(review: Review, folders: list[Path], most_bytes: float) -> tuple[dict[str, bytes], Stage]:
-    """By name, the files of the runs, which take at most so many bytes; and the stage, which is one of them."""
+    """Returns the files of the runs by name, with at most `most_bytes` together, and the stage, which is one of
+    them."""
     session = review.session
     run, state = session.run, review.state
     if run is None or not len(run.history):

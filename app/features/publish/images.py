@@ -45,7 +45,7 @@ CHOICES = (
     *(Images(25, right=False, every=every) for every in (2, 4, 8, 16, 32, 64)),
     Images(every=0),
 )
-"""From the best to the smallest."""
+"""Choices of images, from the best to the smallest."""
 
 
 def is_image(columns: pa.RecordBatch) -> bool:

@@ -32,7 +32,7 @@ from .messages import finished_state
 
 NO_SOURCE = "a published run has no source"
 POLL_S = 0.01
-"""Between two looks at what the session's worker has done."""
+"""Interval between two looks at the progress of the session's worker."""
 CLOSE_S = 5.0
 
 

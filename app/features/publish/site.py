@@ -42,8 +42,8 @@ OPENED_AS_FILE = "Loading the run. Opened as a file this page stays empty: a web
 
 
 def page_files(runs: int, site: str = "") -> dict[str, bytes]:
-    """The page and its scripts, for so many runs that are compared; `site` is what it lists, where it has many pages in
-    one: lessons."""
+    """Returns the page and its scripts, by name. `runs`: number of runs that are compared; `site`: what the page lists
+    where it has many pages in one, as lessons."""
     found = {}
     for path in sorted(STATIC.iterdir()):
         if path.name == "index.html":

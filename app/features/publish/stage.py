@@ -32,15 +32,16 @@ from ...views.rerun.streams import APPLICATION
 from .images import CHOICES, Images, estimated_bytes, kept
 
 PIECE_BYTES = 4 << 20
-"""Of a piece before it is compressed: the viewer takes one in within seconds, with software graphics."""
+"""Size of a piece before it is compressed: even with software graphics, the viewer loads one within seconds."""
 UNSEEN = re.compile(r"/decisions|/.+/coloured/.+")
 """Texts, which the page has as verdicts and checks, and other colours of the tracks, which it cannot choose."""
 STEPS_PER_PX = 16
 """Places in images are rounded to such fractions of a pixel: nobody sees that, and they take a third less."""
 LEAST_SHARE = 0.7
-"""Of the estimated size of images: small ones have more in common. What might fit is tried."""
+"""Least ratio of the true to the estimated size of images, as small ones have more in common. Sizes that may fit are
+tried."""
 LEVEL = 9
-"""Of gzip."""
+"""Compression level of gzip."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,9 @@ class StageWriter:
         self._rows = sorted(rows, key=lambda row: row[0])
 
     def fitting(self, most_bytes: float, beside: Callable[[Stage], int]) -> Stage:
-        """The stage with the best images among CHOICES whose file has at most so many bytes, together with what is said
-        of it elsewhere, in bytes. InputError where it is larger without any image."""
+        """Returns the stage with the best images among CHOICES with which its file takes at most `most_bytes`; that
+        includes what other files say of it: `beside` gives their bytes. InputError where the stage without any image is
+        larger."""
 
         def fits(stage: Stage) -> bool:
             return len(stage.content) + beside(stage) <= most_bytes

@@ -24,7 +24,7 @@ from .folder import Run
 from .steps import DecisionRow, Steps
 
 WINDOW_NS = 1_000_000_000
-"""Over which lengths are compared; a fifth of a run that is shorter than five of them."""
+"""Time over which lengths are compared; for a run shorter than five of these, a fifth of the run."""
 MIN_MOTION_M = 0.05
 """A true motion shorter than this says nothing about scale."""
 ROUTINE = 0.8

@@ -60,7 +60,7 @@ def _labels(folders: list[Path]) -> list[str]:
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """What the browser itself then refuses: any other file, any address, any eval."""
 GENERATOR = "ISPOM report"
-"""By this name in its head a page is known as ours."""
+"""Name in the head of a page by which our own pages are recognised."""
 UNRECORDED = "steps.csv is not in this folder: run again to have statistics, times and decisions."
 
 

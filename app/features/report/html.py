@@ -13,7 +13,7 @@ from .blocks import Compared, MethodName
 
 PACKAGE = __name__.rpartition(".")[0]
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""Of a page without scripts: what the browser itself then refuses is any script, any other file, any address."""
+"""Policy of a page without scripts: the browser refuses all scripts, other files, and addresses."""
 
 
 def rendered(template: str, **values: Any) -> str:

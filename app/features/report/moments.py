@@ -44,7 +44,8 @@ class Moment:
 
 
 def worst(run: Run, most: int = MOST) -> list[Moment]:
-    """At most so many, in the order of time: first where a method was lost, then each measure's worst."""
+    """Returns at most `most` moments in the order of time. Those where a method was lost are chosen first, then the
+    worst of each measure."""
     found: dict[int, Moment] = {}
     for steps, row, why in _candidates(run):
         exposure = int(steps.exposures[row])

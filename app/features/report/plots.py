@@ -17,7 +17,7 @@ from .folder import Run
 from .traces import MAX_POINTS, Figure, colour_of, line, over_time, rounded, thinned
 
 BINS = 150
-"""Of counted things over time."""
+"""Number of bins over time."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 
@@ -197,6 +197,6 @@ def _marked(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _few(run: Run, trajectory: Trajectory, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """At most so many positions (N, 3) and their times [s]."""
+    """Returns at most `most` positions (N, 3), spread evenly, and their times [s]."""
     keep = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int))
     return trajectory.translations[keep], run.seconds(trajectory.times_ns[keep])

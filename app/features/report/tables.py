@@ -15,7 +15,7 @@ from .blocks import Block, Details, MethodName, Paragraph, Table
 from .folder import Run
 
 MOST_DECISIONS = MOST_EVENTS = 60
-"""Of a run, in full."""
+"""Most decisions, and most events, of a run that are listed in full."""
 
 
 def counts(run: Run) -> Table:

@@ -11,9 +11,9 @@ import numpy as np
 from ...presentation import colours
 
 MAX_POINTS = 1200
-"""Of a line: more are not seen."""
+"""Most points of a line: more are not visible."""
 ALL_POINTS = 2400
-"""Of the lines of all runs for one thing, so that a page of many runs stays small."""
+"""Most points of the lines of all runs for one quantity, so that a page of many runs stays small."""
 TIME = "time since the first frame [s]"
 
 
@@ -29,7 +29,7 @@ class Figure:
 
 
 def points_per_line(runs: int) -> int:
-    """How many points a line may have in a page of so many runs."""
+    """Returns the most points that a line may have in a page of `runs` runs."""
     return max(100, min(MAX_POINTS, ALL_POINTS // runs))
 
 
@@ -59,7 +59,7 @@ def thinned(
     dash: str = "solid",
     peaks: bool = True,
 ) -> dict[str, Any]:
-    """A line of at most so many points, whose peaks stay; without `peaks`, thinned evenly."""
+    """Returns a line of at most `most` points that keeps the peaks; without `peaks`, it is thinned evenly."""
     if len(values) > most:
         parts = np.array_split(np.arange(len(values)), most)
         index = np.array([part[np.argmax(values[part])] if peaks else part[0] for part in parts])

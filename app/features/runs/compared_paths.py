@@ -19,7 +19,7 @@ from ...presentation import colours
 from ...presentation.texts import length
 
 MOST_POINTS = 600
-"""Of a curve; of more frames each point is the largest of several."""
+"""Most points of a curve; with more frames each point is the largest of several."""
 AROUND = 20
 """Frames before and after the parting whose paths are drawn."""
 

@@ -38,7 +38,7 @@ class ComparisonView(msgspec.Struct, frozen=True):
     """Over all methods that both have."""
     sentence: str
     frames: int
-    """That both have, so many from the first on."""
+    """Number of frames that both runs have, from the first one on."""
     metrics: list[Metric]
     parting: Place | None
     """The earliest of all methods; None where all paths stay together."""

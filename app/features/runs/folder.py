@@ -26,7 +26,7 @@ from . import table
 from .table import Row
 
 MOST_BYTES = 4 << 20
-"""Of a metrics.json or a plan."""
+"""Most bytes of a metrics.json or a plan."""
 MOST = 1000
 """Runs that are looked at."""
 

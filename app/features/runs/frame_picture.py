@@ -15,7 +15,7 @@ from ...session.current_run import CurrentRun
 
 QUALITY = 80
 WIDTH_PX = 640
-"""Of the picture; a smaller image is drawn larger, so that tracks do not hide it."""
+"""Width of the image; a smaller one is enlarged, so that tracks do not hide it."""
 
 
 def frame_picture(run: CurrentRun, index: int, method: str, width: int) -> bytes | None:

@@ -34,7 +34,7 @@ from .table import table_message
 
 log = logging.getLogger(__name__)
 WIDTHS = range(40, 641)
-"""Of a picture of a frame [px]."""
+"""Possible widths of an image of a frame [px]."""
 ROUNDING = 1e-9
 """As of a comparison of branches."""
 

@@ -37,7 +37,7 @@ all tests together; the margin of the share of localised frames [percentage poin
 NOTHING = 1e-9
 """Added to both errors [m]: what is below a nanometre is rounding."""
 ALIKE = 2.0
-"""Pairs of neighbouring stretches whose correlation exceeds so many of its standard deviations are alike."""
+"""Neighbouring stretches are alike where their correlation exceeds this many of its standard deviations."""
 DOMINANT = 2 / 3
 """A stretch with more than this share of the whole difference of squared errors is named."""
 

@@ -19,7 +19,7 @@ from .table import Row, arranged
 WIDEST = 640
 """Pixels of a picture."""
 LONGEST_S = 600.0
-"""Of one call of `compute`."""
+"""Longest time of one call of `compute`."""
 
 
 def list_runs(

@@ -98,7 +98,7 @@ def _of(predictions: Iterable[Prediction], outcomes: dict[str, Compared], wrong:
 
 
 def _each(predictor: Predictor) -> Table:
-    """Without a perturbation: how far each one moves the trajectories, by so much of it."""
+    """Without a perturbation: how far one step of each field moves the trajectories."""
     table = Table(title="How far an error of the calibration moves the trajectories (root mean square)")
     table.add_column("error")
     methods = [each.method for each in predictor.predict(Perturbation())]

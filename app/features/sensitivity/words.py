@@ -26,9 +26,9 @@ NAMES = {
     "shift_z_m": "video place on the rig z {:+g} m",
     "clock_ms": "video clock {:+g} ms",
 }
-"""By field of a Perturbation."""
+"""Names of the fields of a Perturbation, by field."""
 UNIT_STEPS = {name: 0.1 if name.endswith("deg") else 0.01 if name.endswith("_m") else 1.0 for name in NAMES}
-"""By field: what is one step of it in a list of all."""
+"""Unit step of each field in the list of all fields."""
 
 
 def perturbation_text(wrong: Perturbation) -> str:

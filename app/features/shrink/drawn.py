@@ -26,7 +26,7 @@ HALF_PX = 10
 GRAIN_PX, CONTRAST = 1.5, 60.0
 """Size of the texture's grains, which are corners of a few pixels, and its standard deviation in grey levels."""
 Points = Mapping[tuple[int, FrameName], tuple[NDArray[np.int64], Array]]
-"""By time [ns] and camera: ids (N,) and positions (N, 2) [px] of what is drawn."""
+"""By time [ns] and camera: ids (N,) and positions (N, 2) [px] of the drawn points."""
 
 
 def points_of(steps: Iterable[Stepped], method: str) -> dict[tuple[int, FrameName], tuple[NDArray[np.int64], Array]]:

@@ -40,7 +40,7 @@ class Shrink(Options, MovedSource):
     verify: bool = False
     """Only say whether the expected event happens in a folder that this command wrote."""
     trials: int = TRIALS
-    """Run at most so many clips."""
+    """Most clips that are run."""
     near: int = NEAR
     """The event is the same where kind, method and failed check are, it begins within this number of frames of the
     recording, and the method saw the recording's frame before it, or none."""

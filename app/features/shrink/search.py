@@ -39,7 +39,7 @@ class Clip:
         return replace(self, frames=self.frames[:count])
 
     def thinned(self, count: int) -> Clip:
-        """Returns the clip of every K-th of its frames, at most so many, at least 3. The first one stays, and the last
+        """Returns the clip of every K-th frame: at most `count` frames, at least 3. The first frame stays, and the last
         two: a larger step to the frame of a failure could be a failure of its own."""
         every = -(-(self.count - 2) // (count - 2))
         kept = self.frames[-2::-every][::-1]

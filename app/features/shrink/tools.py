@@ -27,7 +27,7 @@ def shrink(
     frame: Annotated[int | None, "Frame at which the event begins, as in `events`; null for any."] = None,
     kind: Annotated[str, "Kind of the event, such as 'lost'; empty for the first warning or loss."] = "",
     method: Annotated[str, "Only events of this method; empty for all."] = "",
-    trials: Annotated[int, f"Run at most so many clips; at most {MOST_TRIALS}."] = 60,
+    trials: Annotated[int, f"Most clips that are run; at most {MOST_TRIALS}."] = 60,
     seconds: Annotated[float, f"After this time no clip is run any more; at most {MOST_SECONDS:g}."] = 120.0,
 ) -> dict[str, Any]:
     """Finds the smallest clip of the open run in which one of its events remains: same kind, method and failed check,

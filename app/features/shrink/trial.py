@@ -37,8 +37,8 @@ class Failure:
 
     @staticmethod
     def of(event: RunEvent, times_ns: list[int], near: int) -> Failure:
-        """Returns the failure that begins at most so many frames before the event or after it; `times_ns` are those of
-        the frames of the recording."""
+        """Returns the failure that begins at most `near` frames before the event or after it; `times_ns` are the times
+        of the frames of the recording."""
         at = next((i for i, t in enumerate(times_ns) if t >= event.time_ns), len(times_ns) - 1)
         first, last = max(at - near, 0), min(at + near, len(times_ns) - 1)
         begin, end = min(times_ns[first], event.time_ns), max(times_ns[last], event.time_ns)

@@ -14,7 +14,7 @@ from .drawings import drawings
 log = logging.getLogger(__name__)
 PAINT_S = 1 / 20
 PLAYING_S = 1.0
-"""While the run plays, what takes long is drawn so often."""
+"""Interval at which slow parts are drawn while the run plays."""
 
 
 class StagePainter:

@@ -20,11 +20,11 @@ from ...engine.options import SourceOptions
 Value = bool | int | float | str
 FEWEST, MOST = 2, 6
 FACTORS = (0.25, 0.5, 1.0, 2.0)
-"""Of the value that a setting has: these are proposed."""
+"""Proposed values of a setting, as factors of its present value."""
 STEPS = 4
 """Values over a whole range, where nothing can be multiplied."""
 DIGITS = 2
-"""Of a proposed number."""
+"""Significant digits of a proposed number."""
 LONGEST = 30
 """Characters of a number: what is longer may be more than any float."""
 WORDS = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}

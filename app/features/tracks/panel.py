@@ -35,7 +35,7 @@ PANEL_HINT = (
     "[px], or the geometry of the latest triple and pair."
 )
 PLAYING_S = 1.0
-"""Between two pictures while the run goes on."""
+"""Interval between two images while the run goes on."""
 CAMERAS = {"video": "video", "left": "left image"}
 EMPTY = '<div style="padding:4px 14px;font-size:12px">Nothing is computed yet. Press Play, or step forward (→).</div>'
 

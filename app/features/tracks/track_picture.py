@@ -21,7 +21,7 @@ from ...views.viser.panels import renderer
 render = renderer(__package__)
 
 WIDTH = 640
-"""Of the JPEG; the panel is about half as wide."""
+"""Width of the JPEG; the panel is about half as wide."""
 
 
 def track_picture(looked: Looked, views: RecordedViews | None = None) -> str:

@@ -62,7 +62,7 @@ render = renderer(__package__)
 
 MOST_ROWS, MOST_LINES = 40, 240
 WIDTH, LINE = 330.0, 2.0
-"""Of the chart, and the height of one line in it."""
+"""Width of the chart, and height of one line in it."""
 NO_TRACKS = "No tracks in this picture."
 
 

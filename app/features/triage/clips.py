@@ -24,7 +24,7 @@ LINKED = "this is a link out of the folder, which is not followed: copy what it 
 MEDIA = (FILES | ARCHIVES) - SETTINGS
 """Suffixes of files that are a clip, or were meant to be."""
 SHOWN_LETTERS = 60
-"""Of a clip's name in the name of its files; a hash of the whole name follows."""
+"""Letters of a clip's name that are used in the names of its files; a hash of the whole name follows."""
 
 
 @dataclass(frozen=True)

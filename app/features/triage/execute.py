@@ -42,7 +42,7 @@ from .clips import Clip, stamp
 from .row import Action, Group, Row, write_row
 
 WIDTH_PX, QUALITY = 320, 70
-"""Of the picture of a frame: a hundred of them make a page of some 2 MB."""
+"""Width and JPEG quality of the image of a frame: a hundred of them make a page of some 2 MB."""
 
 
 @dataclass(frozen=True)

@@ -31,4 +31,4 @@ class Triage(Sharded, FirstFrames):
     doctor: bool = True
     """Look for the cause where something went wrong, and for wrong calibrations where nothing did."""
     seconds: Annotated[float, Range(1, 3600)] = SECONDS
-    """Of a clip no new suspect is examined after so many seconds."""
+    """Seconds for each clip after which no new suspect is examined."""

@@ -14,7 +14,7 @@ from ...engine.options import SourceOptions
 
 SECONDS, STEP_S = 3.0, 3.0
 CREATOR = "ISPOM undecided"
-"""By this in its head a picture is known as ours."""
+"""Creator in the head of an image by which our own images are recognised."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,8 @@
 """How accurate and how fast each branch is, as known now: measured in the worker, shown by everybody else.
 
 The error is that of `ispom evaluate` and metrics.json: the ATE of the trajectories that `ispom run` would write if the
-run ended here. It takes longer the longer a run is, so that of a run that is being computed it is measured now and
-then.
+run ended here. The longer a run is, the longer this takes. Therefore it is measured only now and then while a run is
+being computed.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from .branches import Branch, Measured
 from .state import Branches
 
 LEAST_S = 1.0
-"""Between two measurements of a run that is being computed,"""
+"""Least time between two measurements of a run that is being computed."""
 SHARE = 0.05
-"""and at most this share of the time is spent on them."""
+"""Largest share of the time that measurements take."""
 
 
 class Accuracy:
@@ -39,12 +39,12 @@ class Accuracy:
         """`run_of` gives the run of a branch."""
         self._store, self._run_of = store, run_of
         self._of: dict[int, tuple[CurrentRun, int, int]] = {}
-        """By branch: what its measurements are of."""
+        """By branch: the version of the run that was measured."""
         self._others_of: tuple[int, int] = (-1, 0)
         self._due_s = 0.0
 
     def watch(self) -> None:
-        """Measures what changed since it was measured last."""
+        """Measures the branches that changed since they were measured last."""
         state, known = self._store.state, self._store.state[Branches]
         others = state[ExternalPaths]
         self._of = {number: of for number, of in self._of.items() if any(b.number == number for b in known.all)}
@@ -69,7 +69,7 @@ class Accuracy:
         self._due_s = began_s + max(LEAST_S, spent_s / SHARE)
 
     def with_curves(self, branches: Iterable[Branch]) -> tuple[Branch, ...]:
-        """See the function of this name."""
+        """Returns the branches with their position errors, see the function `with_curves`."""
         return with_curves(branches, self._begins_ns)
 
     def _begins_ns(self, branch: Branch) -> int:
@@ -79,7 +79,7 @@ class Accuracy:
         return int(times_ns[branch.at]) if branch.at < len(times_ns) else sys.maxsize
 
     def _stale(self, number: int) -> CurrentRun | None:
-        """The run of a branch, where its measurements are of an earlier time."""
+        """Returns the run of a branch if it has changed since it was measured; else None."""
         run = self._run_of(number)
         return run if run is not None and self._of.get(number) != _version(run) else None
 
@@ -89,7 +89,7 @@ def _version(run: CurrentRun) -> tuple[CurrentRun, int, int]:
 
 
 def measured(run: CurrentRun) -> Measured:
-    """The error and the time of each method of a run, as known now."""
+    """Returns the error and the computing time of each method of a run, as known now."""
     truth, rig = run.opened.truth, run.opened.sequence.rig
     errors: dict[str, TrajectoryError] = {}
     if truth is not None:
@@ -102,8 +102,8 @@ def measured(run: CurrentRun) -> Measured:
 
 
 def with_curves(branches: Iterable[Branch], begins_ns: Callable[[Branch], int]) -> tuple[Branch, ...]:
-    """With the position errors at the frames, those of forks and their parents by one alignment. A branch that computed
-    all frames itself has a world of its own.
+    """Returns the branches with their position errors at the frames. Forks and their parents are aligned together; a
+    branch that computed all frames itself has a world of its own.
 
     `begins_ns` is the time of the first frame that a branch computed itself.
     """
@@ -122,7 +122,7 @@ def with_curves(branches: Iterable[Branch], begins_ns: Callable[[Branch], int]) 
 
 
 def errors_of_external(others: Iterable[ExternalTrajectory], run: CurrentRun) -> dict[str, TrajectoryError]:
-    """Of trajectories of other programs, over the frames that the run has computed."""
+    """Returns the errors of trajectories of other programs by name, over the frames that the run has computed."""
     count = len(run.history)
     if run.opened.truth is None or not count:
         return {}
@@ -132,9 +132,10 @@ def errors_of_external(others: Iterable[ExternalTrajectory], run: CurrentRun) ->
 
 
 def over_common_frames(branches: Iterable[Branch]) -> dict[tuple[int, str], TrajectoryError]:
-    """By number and method: the errors over those frames at which all of these branches have a pose of the method.
+    """Returns errors by number of the branch and method, over frames at which all of these branches have a pose of the
+    method.
 
-    Only of methods that several of the branches have; aligned over the common frames.
+    Methods that only one branch has are skipped. The alignment is over the common frames.
     """
     having: dict[str, list[Branch]] = {}
     for branch in branches:

@@ -16,11 +16,11 @@ from ...engine.model.run_model import RunModel, Tally
 from ...presentation.colours import Rgb
 
 FIRST = "first run"
-"""Name of the one that was started from the first frame."""
+"""Name of the branch that was started from the first frame."""
 STORED = "stored run"
-"""Of one that was read from its folder."""
+"""Name of a branch that was read from its folder."""
 COLOURS = ((124, 179, 66), (86, 180, 233), (204, 121, 167), (148, 138, 40), (0, 158, 115), (150, 90, 210))
-"""Of the branches, in turn."""
+"""Colours of the branches; they repeat."""
 MOST = 12
 """Limit on the number of branches; each needs memory and files."""
 NAME_LENGTH = 40
@@ -28,10 +28,10 @@ NAME_LENGTH = 40
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """How accurate and how fast a branch was when this was measured last: see `accuracy.py`."""
+    """Accuracy and computing times of a branch when they were measured last: see `accuracy.py`."""
 
     errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
-    """By method: of the trajectory as it is known now; none without ground truth, or with too few poses."""
+    """Errors by method, of the trajectory as it is known now; none without ground truth, or with too few poses."""
     curves: Mapping[str, ErrorCurve] = field(default_factory=dict)
     """By method that has an error: its position error at each frame. Forks of one run are aligned together."""
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -54,14 +54,14 @@ class Branch:
     changes: tuple[str, ...] = ()
     """What differs from its parent: "stereo.max-tracks 500 -> 300", "monocular off"."""
     computed: int = 0
-    """Frames, those of its parent included."""
+    """Number of computed frames, including those of its parent."""
     tally: Tally = Tally()
     measured: Measured = NOTHING
     history_usage: HistoryUsage = HistoryUsage()
     hidden: bool = False
     """Whether it is not drawn while another is shown."""
     reproducible: bool = False
-    """Whether nothing is lost with it: a lesson makes it again, or its run is in a folder."""
+    """Whether it can be deleted without loss: a lesson makes it again, or its run is in a folder."""
 
     @property
     def colour(self) -> Rgb:
@@ -79,7 +79,7 @@ class BranchInView:
 
 
 def changes(before: tuple[tuple[str, ...], Config], after: tuple[tuple[str, ...], Config]) -> tuple[str, ...]:
-    """What differs between (methods, settings) of a run and of its fork, a phrase each."""
+    """Returns a phrase for each difference between (methods, settings) of a run and of its fork."""
     (old_methods, old), (new_methods, new) = before, after
     switched = [f"{m} off" for m in old_methods if m not in new_methods]
     switched += [f"{m} on" for m in new_methods if m not in old_methods]
@@ -89,7 +89,7 @@ def changes(before: tuple[tuple[str, ...], Config], after: tuple[tuple[str, ...]
 
 
 def differences(where: str, old: Any, new: Any) -> tuple[str, ...]:
-    """What differs between two settings of a method, or of a part of it, a phrase each: `FLAG OLD → NEW`."""
+    """Returns a phrase `FLAG OLD → NEW` for each difference between two settings of a method, or of a part of it."""
     found: list[str] = []
     for setting in fields(new):
         a, b, flag = getattr(old, setting.name), getattr(new, setting.name), f"{where}.{setting.name.replace('_', '-')}"

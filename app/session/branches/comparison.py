@@ -14,16 +14,16 @@ from ..current_run import CurrentRun
 from .branches import Branch
 
 SLICE_S = 0.015
-"""Of the worker's time at once: records of the past are decoded from disk, about a millisecond each."""
+"""Time that the worker compares without a break. To decode a past record from disk takes about a millisecond."""
 ROUNDING = 1e-9
 """Differences of numbers up to this are rounding: relative above 1, absolute below. Digests are not compared."""
 MOST = 10
-"""Frames that are listed: those at which something differs that had not differed before."""
+"""Most frames that are listed, of those at which a quantity differs for the first time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How two branches differ, as far as they are compared."""
+    """The differences between two branches, in the frames that were compared so far."""
 
     shown: int
     """The number of the branch that was shown; the first side."""
@@ -31,16 +31,16 @@ class Comparison:
     start: int
     """The frame from which on they may differ."""
     stop: int
-    """One beyond the last that both had computed."""
+    """One beyond the last frame that both had computed."""
     methods: tuple[str, ...]
     done: int = 0
     """The next frame to compare."""
     differing_frames: int = 0
     """Frames at which they differ, so far."""
     thinned: int = 0
-    """Frames whose tracks and landmarks a history gave up: there the rest is compared."""
+    """Number of frames whose tracks and landmarks one history discarded. The other values of these are compared."""
     first: tuple[Divergence, ...] = ()
-    """Each with what had not differed before; at most MOST."""
+    """Divergences with quantities that had not differed before; at most MOST."""
 
     @property
     def finished(self) -> bool:
@@ -48,7 +48,7 @@ class Comparison:
 
 
 def begin(branches: tuple[Branch, ...], shown: int, other: int, a: CurrentRun, b: CurrentRun) -> Comparison:
-    """InputError where there is nothing to compare."""
+    """Returns a comparison of which nothing is done yet. InputError where there is nothing to compare."""
     if shown == other:
         raise InputError("this branch is shown: choose another one to compare it with")
     methods = tuple(m for m in a.opened.methods if m in b.opened.methods)
@@ -69,7 +69,8 @@ def forked_at(branches: tuple[Branch, ...], a: int, b: int) -> int:
 
 
 def _path(branches: tuple[Branch, ...], number: int) -> dict[int, int | None]:
-    """The branch and its ancestors, nearest first, each with the frame at which it was left; the first was not."""
+    """Returns the branch and its ancestors, nearest first, each with the frame at which the next branch was forked from
+    it; None for the branch itself."""
     by_number, found, left = {b.number: b for b in branches}, dict[int, int | None](), None
     at: int | None = number
     while at is not None:
@@ -80,7 +81,7 @@ def _path(branches: tuple[Branch, ...], number: int) -> dict[int, int | None]:
 
 
 def advanced(comparison: Comparison, a: CurrentRun, b: CurrentRun, slice_s: float = SLICE_S) -> Comparison:
-    """Compares on for so long, one frame at least."""
+    """Returns the comparison after `slice_s` more of work, and after one more frame at least."""
     until, now = time.monotonic() + slice_s, _after(comparison, a, b)
     while not now.finished and time.monotonic() < until:
         now = _after(now, a, b)

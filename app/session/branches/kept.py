@@ -1,4 +1,4 @@
-"""Runs of sources that were closed when another one was opened: all of them stay, with their forks."""
+"""Runs of sources that were closed because another one was opened. They are kept with their forks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..current_run import CurrentRun
 from .branches import Branch
 
 MOST_KEPT = 8
-"""Runs, forks included; the oldest sources make room for new ones. Each holds threads and files."""
+"""Most runs that are kept, including forks, because each has threads and files. The oldest sources are discarded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Kept:
 
 
 def limited(kept: tuple[Kept, ...]) -> tuple[Kept, ...]:
-    """The newest of them, the newest of all always; MOST_KEPT runs at most."""
+    """Returns the newest sources with at most MOST_KEPT runs together, and always the newest one."""
     while len(kept) > 1 and sum(len(each.runs) for each in kept) > MOST_KEPT:
         kept = kept[1:]
     return kept

@@ -1,4 +1,4 @@
-"""The runs behind the branches. Used in the worker's thread, but for `run`."""
+"""The runs of the branches. Except for `run_of` and `kept`, it is used in the worker's thread only."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .state import Branches
 
 
 class BranchService(Service):
-    """Branches by number; the one that is shown has memory, the others rest."""
+    """Keeps the runs of the branches by number. Only the one that is shown has its full memory."""
 
     place = 10
 
@@ -30,13 +30,13 @@ class BranchService(Service):
         self._runs: dict[int, CurrentRun] = {}
         self._next = 0
         self.kept: tuple[Kept, ...] = ()
-        """What was closed, oldest first. For any thread."""
+        """Closed sources with their runs, oldest first. Any thread may read it."""
         self._keeps = 0
         self._again: tuple[Kept, int] | None = None
-        """What is about to be shown again, and which of its branches."""
+        """The closed source that is about to be shown again, and the number of the branch to show."""
 
     def keep(self, before: State) -> None:
-        """The branches stay, each with little memory."""
+        """Keeps the branches of the source that is closed, each with little memory."""
         known = before[Branches].all
         if not known or not self._runs:
             return
@@ -48,13 +48,13 @@ class BranchService(Service):
         self.kept = limited((*self.kept, kept))
 
     def show_again(self, kept: Kept, number: int) -> None:
-        """A branch of a source that was closed, with all others of it."""
+        """Shows a branch of a closed source again, and lists the source's other branches."""
         self.kept = tuple(each for each in self.kept if each is not kept)
         self._again = kept, number
         self.session.screen.show_again(kept.runs[number], kept.source, kept.options)
 
     def opened(self, run: CurrentRun) -> None:
-        """The branches of the run before are gone from the screen; one that is over is shown at its end."""
+        """Replaces the branches by those of the new run. A run that is over is shown at its end."""
         if self._again is not None:
             (kept, number), self._again = self._again, None
             self._runs, self._next = dict(kept.runs), max(kept.runs) + 1
@@ -70,7 +70,7 @@ class BranchService(Service):
             self.session.player.move(Resumed(run.opened, 0, len(run.history), shown, run.done))
 
     def run_of(self, number: int) -> CurrentRun | None:
-        """For any thread."""
+        """Returns the run of a branch; None for an unknown one. Any thread may call it."""
         return self._runs.get(number)
 
     @property
@@ -78,7 +78,8 @@ class BranchService(Service):
         return self.state[Branches]
 
     def fork(self, methods: tuple[str, ...], config: Config, name: str) -> None:
-        """From the state after the frame that is shown, which is shown then. InputError if that is not possible."""
+        """Forks the run after the frame that is shown, and shows the fork at this frame. InputError where that is not
+        possible."""
         state = self.state
         run = self._shown()
         if not methods:
@@ -119,7 +120,7 @@ class BranchService(Service):
         return number
 
     def show(self, number: int) -> None:
-        """A branch, at the frame that is shown now or its last. InputError for an unknown one."""
+        """Shows a branch at the frame that is shown now, or at its last one. InputError for an unknown branch."""
         run, state = self._found(number), self.state
         self._shown().rest()
         run.wake()
@@ -138,7 +139,7 @@ class BranchService(Service):
         self._change(number, hidden=hidden)
 
     def delete(self, number: int) -> None:
-        """InputError for the one that is shown."""
+        """Deletes a branch. InputError for the one that is shown."""
         self._found(number)
         if number == self._branches.shown:
             raise InputError("the branch that is shown cannot be deleted: show another one first")
@@ -150,14 +151,14 @@ class BranchService(Service):
         self.store.put(replace(self._branches, all=left, comparison=compared))
 
     def compare(self, number: int) -> None:
-        """The branch that is shown with another one, from now on. InputError where there is nothing to compare."""
+        """Begins to compare the branch that is shown with another one. InputError where there is nothing to compare."""
         known, other = self._branches, self._found(number)
         begun = begin(known.all, known.shown, number, self._shown(), other)
         self.store.put(replace(known, comparison=begun))
 
     @property
     def impatient(self) -> bool:
-        """While something is left to compare."""
+        """Returns whether something is left to compare."""
         compared = self._branches.comparison
         return compared is not None and not compared.finished
 
@@ -173,7 +174,7 @@ class BranchService(Service):
         self._accuracy.watch()
 
     def loss(self) -> list[str]:
-        """Forks that can be had again neither from a file nor by the same steps."""
+        """Returns a phrase about forks that neither a file nor the same steps could restore."""
         kept = self.session.kept_branches
         own = [b for b in self._branches.all if b.parent is not None and not b.reproducible and b.number not in kept]
         names = ", ".join(f"“{branch.name}”" for branch in own)
@@ -192,5 +193,5 @@ class BranchService(Service):
 
 
 def _name(name: str) -> str:
-    """Plain, on one line, not too long."""
+    """Returns the name as plain text on one line, shortened if it is too long."""
     return " ".join(name.split())[:NAME_LENGTH]

@@ -16,11 +16,11 @@ from .comparison import Comparison
 @dataclass(frozen=True, eq=False)
 class Branches(FeatureState):
     all: tuple[Branch, ...] = ()
-    """Since the first run of the source was started; the first is that run."""
+    """All branches of the source; the first is its first run."""
     shown: int = 0
     """The number of the one that is shown."""
     comparison: Comparison | None = None
-    """Of two of them."""
+    """The comparison of two branches; None without one."""
 
     @property
     def curves(self) -> Mapping[str, ErrorCurve]:
@@ -42,7 +42,7 @@ class Branches(FeatureState):
                 return self
 
     def with_branch(self, number: int, **values: Any) -> Branches:
-        """With new values of one of them."""
+        """Returns the branches with new values of one of them."""
         return replace(self, all=tuple(replace(b, **values) if b.number == number else b for b in self.all))
 
     def covered(self) -> Branches:

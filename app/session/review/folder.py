@@ -1,4 +1,4 @@
-"""A run's folder, opened for review; where its source is still there, the run can go on from any frame."""
+"""A run's folder, opened for review. If its source still exists, the run can be forked at any frame."""
 
 from __future__ import annotations
 
@@ -36,10 +36,11 @@ NAME_IT = "open that source first, or name it where the program is started"
 def read_stored(
     folder: Path, opener: Opener, builder: Builder, named: Collection[str] = (), compare: bool = False
 ) -> Stored:
-    """The run of a folder. `opener` opens its source, where `stored_source` allows it: a person `named` these before.
+    """Returns the run of a folder. `opener` opens its source if `stored_source` allows it; `named` are sources that a
+    person named before.
 
-    `compare`: no image is given before all were compared with those of the run. InputError where the folder holds no
-    run, or not as written.
+    `compare`: all images are compared with those of the run before the first one is given. InputError where the folder
+    has no run, or a damaged one.
     """
     run, rig = read_run_file(folder), read_rig(folder / RIG)
     config, methods = run.configs(), with_dependencies(run.methods)
@@ -69,7 +70,7 @@ def read_stored(
 
 
 def _recording(folder: Path) -> tuple[Path | None, str]:
-    """That of the run, and its id, where it can be shown: a run is reviewed without it as well."""
+    """Returns the recording of the run and its id, if it can be shown. A run can be reviewed without it."""
     path = folder / RECORDING
     try:
         return (path, identity(path)) if exists(path) else (None, "")
@@ -87,7 +88,7 @@ def _sequence(
     compare: bool,
     kinds: frozenset[Kind],
 ) -> tuple[Sequence, str]:
-    """That of the source with measurements of these kinds, or else one without images, and why."""
+    """Returns the sequence of the source with measurements of these kinds, or else one without images, and why."""
     of_end = filter(None, [ended_early(folder)])
     try:
         allowed = stored_source(folder, run, None, named, NAME_IT)
@@ -113,7 +114,7 @@ def _sequence(
 
 
 def _same(found: Exposures, sequence: Sequence) -> bool:
-    """Whether the run may have been on these frames."""
+    """Returns whether the frames of the sequence can be those of the run."""
     count = len(found.kinds)
     return len(sequence) >= count and np.array_equal(sequence.times_ns[:count][found.used], found.times_ns[found.used])
 
@@ -135,7 +136,7 @@ def _truth(folder: Path, rig: Rig, frame: FrameName) -> Trajectory | None:
 
 
 def _final(folder: Path, run: RunFile, rig: Rig, of: Exposures, where: list[Placed]) -> dict[str, Trajectory]:
-    """By method, of the frame that its steps are of."""
+    """Returns the final trajectories by method, each of the frame of its steps."""
     found = {}
     units = {method: placement.scale for at, method, placement in where if at > 0}
     for name in run.methods:

@@ -1,4 +1,4 @@
-"""Images and tracks as the recording of a run has them: places and states, but not which track is which."""
+"""Images and tracks in the recording of a run. Tracks have positions and states there, but no ids."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ...views.rerun.coloured import path_of
 from ...views.rerun.entities import shown_scale
 
 MOST_REMEMBERED = 8
-"""Frames whose tracks are kept, so that another colouring or panel does not read them again."""
+"""Number of frames whose tracks stay in memory, so that another colouring or panel does not read them again."""
 _COUNT = re.compile(r"(\d+) ")
 
 
@@ -36,7 +36,7 @@ class RecordedTracks:
     classes: NDArray[np.uint16]
     """(N,) TrackStatus, or the bin of a colouring."""
     counts: dict[TrackStatus, int]
-    """Of all tracks, those that are not drawn included."""
+    """Number of tracks by status, including those that are not drawn."""
 
     def uv_in(self, image: Image) -> NDArray[np.float32]:
         """(N, 2) [px] in the camera's image, whether that was read from the source or from the recording."""
@@ -44,7 +44,7 @@ class RecordedTracks:
 
 
 class RecordedViews:
-    """Reads a finished recording. For any thread. What cannot be read is treated as absent."""
+    """Reads a finished recording, in any thread. Unreadable data are treated as absent."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""A recording by itself: its frames, and what of their quantities its plots hold."""
+"""A recording without a run's folder: its frames, and the quantities that its plots have."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from .records import MOST
 from .stored import Stored, nobody
 
 EACH = "/decisions"
-"""The entity that every frame has."""
+"""An entity that every frame has."""
 TRUE_RIG = "/world/truth/rig"
 LATEST_NS = 2**62
-"""In the year 2116."""
+"""A time in the year 2116, later than any frame."""
 PLOTTED = {
     "plots/error/{}": "error_m",
     "plots/scale/{}/transferred": "scale",
     "plots/inliers/{}": "inliers",
     "plots/residual/{}": "residual_median_px",
 }
-"""Quantities by their entity."""
+"""Quantities by the entity of their plot."""
 IMAGES = ("video", "left", "right")
 """Cameras whose images a recording may have."""
 BLOB = "EncodedImage:blob"
@@ -49,7 +49,7 @@ ValuesByFrame = dict[int, dict[str, dict[str, Value]]]
 
 
 def read_recording(path: Path) -> Stored:
-    """InputError where the file is no finished recording of `ispom`, of the Rerun version that is installed."""
+    """Returns a finished recording for review. InputError where the file is none, or of another version of Rerun."""
     recording_id = identity(path)
     times_ns, stereo, values = _contents(path)
     if not len(times_ns):
@@ -80,7 +80,7 @@ def read_recording(path: Path) -> Stored:
 
 
 def identity(path: Path) -> str:
-    """The recording's id, by which a viewer knows it. InputError as `read_recording`."""
+    """Returns the recording's id, which viewers use. InputError as `read_recording`."""
     require_readable(path)
     try:
         found = [store for store in RrdReader(path).recordings() if store.application_id == APPLICATION]

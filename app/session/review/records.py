@@ -1,4 +1,4 @@
-"""The frames of a run's folder, as the history keeps frames."""
+"""Reads the frames of a run's folder as records of the history."""
 
 from __future__ import annotations
 
@@ -25,25 +25,26 @@ from ...engine.run_folder.run_folder import STEPS
 from ...engine.run_folder.step_reader import StoredStep, stored_steps
 
 MOST = 1_000_000
-"""Frames of a run: half a day of video."""
+"""Most frames of a run: half a day of video."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exposures:
-    """When a run's frames were, and of which kind."""
+    """Times and kinds of a run's frames."""
 
     times_ns: NDArray[np.int64]
     """(N,)."""
     kinds: tuple[Kind, ...]
     """(N,)."""
     used: NDArray[np.bool_]
-    """(N,) whether the folder has it; the others, which no method used, are put between their neighbours."""
+    """(N,) whether the folder has the frame. Frames that no method used get times between those of their neighbours."""
     frames: Mapping[str, FrameName] = field(default_factory=dict)
-    """By method: whose poses its steps have."""
+    """By method: the frame (rig or camera) of the poses in its steps."""
 
 
 def exposures(folder: Path, rig: Rig) -> Exposures:
-    """Up to the last one that a method used. InputError where the folder has no steps, or not as written."""
+    """Returns the frames up to the last one that a method used. InputError where the folder has no steps, or damaged
+    ones."""
     latest_ns = 0
     times: dict[int, int] = {}
     kinds: dict[int, Kind] = {}
@@ -79,7 +80,8 @@ def exposures(folder: Path, rig: Rig) -> Exposures:
 
 
 def _kind(methods: set[str], ran: set[str]) -> Kind | None:
-    """The kind of a measurement on which these methods stepped, of those that ran; None where several are possible."""
+    """Returns the kind of a measurement at which, of the methods that `ran`, exactly these stepped; None where several
+    kinds are possible."""
     possible = frozenset.intersection(*(registered(method).sensors for method in methods))
     others = frozenset[Kind]().union(*(registered(m).sensors for m in ran - methods if m in names()))
     for kinds in (possible, possible - others):
@@ -100,10 +102,9 @@ def _between(indices: NDArray[np.int64], known: NDArray[np.int64], times_ns: lis
 def records(
     folder: Path, of: Exposures, methods: Collection[str], placed: Iterable[Placed], start: Mapping[str, Similarity]
 ) -> Iterator[ExposureRecord]:
-    """Every frame in its order, with the steps of these methods; raises InputError as `exposures`.
+    """Yields every frame in order, with the steps of these methods. Raises InputError as `exposures`.
 
-    `start` has the placements before the first frame. What is written of other methods, which ran inside these, is
-    among the values.
+    `start` has the placements before the first frame. Values of other methods, which ran inside these, are included.
     """
     before: ExposureRecord | None = None
     with stored_steps(folder) as steps:
@@ -145,7 +146,7 @@ def _record(
 
 
 def step_of(stored: StoredStep) -> Step:
-    """What a row says of its step: without tracks, points and residuals."""
+    """Returns the step of a row, without tracks, points and residuals."""
     values = stored.values
     return Step(
         stored.time_ns,

@@ -26,29 +26,29 @@ from ...engine.run_folder.statistics import ImagesDigest
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """What is shown of a run or of a recording that is over."""
+    """A run or a recording that is over, with everything that is shown of it."""
 
     path: Path
     """The folder, or the recording."""
     playback: Playback
-    """At the first frame: from there it can be replayed, unless `unavailable` says why not."""
+    """The run at its first frame. It can be replayed from there, unless `unavailable` says why not."""
     records: Callable[[], Iterator[ExposureRecord]]
-    """Every frame that was computed; InputError where one cannot be read."""
+    """Yields every computed frame. InputError where one cannot be read."""
     final: Mapping[str, Trajectory]
     """By method: the trajectory that the run ended with, in the method's own world and unit."""
     methods: tuple[str, ...]
-    """Whose quantities are known."""
+    """Methods whose quantities are known."""
     recording: Path | None = None
-    """What Rerun shows of it."""
+    """The recording that Rerun shows."""
     recording_id: str = ""
     unavailable: str = ""
     """Why nothing can be computed again, in one sentence; empty where it can."""
     image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    """Of a recording alone, as `Opened` has them."""
+    """As in `Opened`; only for a recording without a run's folder."""
 
 
 def nobody(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
-    """No estimators, where there is nothing to compute."""
+    """Returns an ensemble without estimators, for runs that cannot be computed."""
     return Ensemble((), {})
 
 
@@ -66,13 +66,14 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class StoredSource:
-    """A run's source, which may be opened."""
+    """A run's source that is allowed to be opened."""
 
     source: str
     options: SourceOptions
     """How it is opened."""
     places: Places = None
-    """Only what lies here is read, links followed: the run's folder is somebody else's. None: anything."""
+    """Folders to which reading is restricted (with links resolved), because the run's folder comes from somebody else.
+    None: no restriction."""
 
     def open(self) -> Sequence:
         """As `SourceOptions.open`."""
@@ -91,12 +92,12 @@ OPTION = "give --source with where it is now"
 def stored_source(
     folder: Path, run: RunFile, moved_to: str | None = None, named: Collection[str] = (), cure: str = OPTION
 ) -> StoredSource:
-    """Where the images of a run are, and what of the disk may be read for them. Every command, the page, and agents ask
-    this.
+    """Returns where the images of a run are, and which folders may be read for them. All commands, the page, and agents
+    use this function.
 
-    What a run.yaml that was not written on this machine names is opened only in the run's own folder, or where a person
-    named it: as `moved_to`, or among the sources `named` before. InputError, with the `cure`, for anything else, and
-    where the images are gone.
+    If run.yaml was not written on this machine, its source is opened only in the run's own folder, or if a person named
+    it: as `moved_to`, or among the sources `named` before. InputError, with the `cure`, for any other source, and where
+    the images are gone.
     """
     source = moved_to or run.source
     if is_device(source) or is_address(source):
@@ -124,14 +125,14 @@ def stored_source(
 
 
 def place_of(source: Path) -> Path:
-    """The folder in which a source's other files are."""
+    """Returns the folder with the other files of a source."""
     return source if source.is_dir() else source.parent
 
 
 def compared(sequence: Sequence, expected: str, source: str) -> Sequence:
-    """The sequence, whose images are read once and compared with those of the run before the first one is given.
+    """Returns the sequence, whose images are read and compared with those of the run before the first one is given.
 
-    They are those whose digest is `expected`, all or the first ones. Where they are not, none can be read.
+    The digest of all images, or of the first ones, must be `expected`; otherwise no image can be read.
     """
     same: bool | None = None
 
@@ -149,7 +150,7 @@ def compared(sequence: Sequence, expected: str, source: str) -> Sequence:
 def _are_of(sequence: Sequence, expected: str) -> bool:
     found = ImagesDigest()
     for i in range(len(sequence)):
-        with suppress(UnreadableImage):  # nor could the run read it
+        with suppress(UnreadableImage):  # the run could not read it either
             found.add(sequence.load(i))
         if found.hexdigest() == expected:
             return True
@@ -157,7 +158,7 @@ def _are_of(sequence: Sequence, expected: str) -> bool:
 
 
 def source_options(run: RunFile) -> SourceOptions:
-    """How it opened its source; InputError for what `ispom run` does not write."""
+    """Returns the options with which the run opened its source. InputError for values that `ispom run` never writes."""
     found: dict[str, Any] = {"sensors": NONE}  # of runs before sources had sensors by themselves
     for name in (each.name for each in fields(SourceOptions)):
         value = run.options.get(name)

@@ -1,1 +1,1 @@
-"""What may be opened, and how."""
+"""Sources that may be opened, and how they are opened."""

@@ -1,4 +1,4 @@
-"""Sources by their names: what they are called, which were opened last, and folders to look for others in."""
+"""Names of sources, recently opened sources, and folders in which a person can look for others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...engine.user_files import read_json, write_json
 
 
 def run_name(source: str) -> str:
-    """What an address calls a source: of a path the last part."""
+    """Returns the name of a source in an address; for a path, its last part."""
     if source.startswith("sim:") or is_device(source) or is_address(source):
         return source
     return PurePath(source).name or source
@@ -25,7 +25,7 @@ MOST = 10
 
 
 class RecentSources:
-    """In a file of the user's own; without one (None), they are forgotten at the end."""
+    """Sources that were opened recently, in a file of the user. Without a file (None) they are forgotten at the end."""
 
     def __init__(self, path: Path | None) -> None:
         self._path, found = path, read_json(path)
@@ -34,7 +34,7 @@ class RecentSources:
         """Newest first, without passwords."""
 
     def add(self, source: str) -> tuple[str, ...]:
-        """Puts a source first. Where the file cannot be written, it is only not kept."""
+        """Puts a source first. If the file cannot be written, the source is forgotten at the end."""
         name = without_secrets(source)
         self.names = (name, *(n for n in self.names if n != name))[:MOST]
         write_json(self._path, self.names, "recent sources are")
@@ -42,7 +42,7 @@ class RecentSources:
 
 
 MOST = 200
-"""Entries that are listed of a folder."""
+"""Most entries that are listed of a folder."""
 
 
 @dataclass(frozen=True)
@@ -51,30 +51,30 @@ class Entry:
 
     path: Path
     source: bool
-    """Whether it can be opened as it is; else it is a folder to look into."""
+    """Whether it can be opened as a source; otherwise it is a folder to look into."""
 
 
 @dataclass(frozen=True)
 class Folders:
-    """Below `root` only, links followed; None: anywhere, beginning where the app was started."""
+    """Folders at or below `root`, with links resolved. None: all folders, beginning where the app was started."""
 
     root: Path | None = None
 
     @property
     def home(self) -> Path:
-        """InputError where it is gone."""
+        """Returns the first folder to look into. InputError where it is gone."""
         try:
             return (self.root or Path.cwd()).resolve()
         except FileNotFoundError:
             raise InputError("the folder that this was started in is gone: start it in another") from None
 
     def above(self, folder: Path) -> Path | None:
-        """The folder that holds this one; None where nobody may look there."""
+        """Returns the parent of a folder; None where nobody may look there."""
         return folder.parent if folder != folder.parent and self._allowed(folder.parent) else None
 
     def entries(self, folder: Path) -> list[Entry]:
-        """What can be opened or looked into, by name, and can be named in a page; nothing of a folder that may not be
-        read."""
+        """Returns the entries of a folder that can be opened or looked into, ordered by name. Names that a page cannot
+        show are skipped. Empty for a folder that may not be read."""
         found: list[Entry] = []
         with self._bounded(), suppress(InputError):
             for path in (folder / name for name in names(folder) if not name.startswith(".")):
@@ -93,7 +93,7 @@ class Folders:
 
 
 def _may_be_entered(path: Path) -> bool:
-    """Whether it is a folder; what cannot be looked at is none."""
+    """Returns whether the path is a folder that can be read."""
     try:
         return is_folder(path)
     except InputError:

@@ -1,4 +1,4 @@
-"""From a source to something that can be played: its sequence, and the estimators that run over it."""
+"""Opens a source for playing: makes its sequence, and the estimators that run over it."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class SourceOpener:
-    """How sources are opened, the same for as long as the app runs."""
+    """Opens sources. Its values stay the same while the app runs."""
 
     opener: Callable[..., Sequence]
     """`opener(source)` opens with the options of the command line, `opener(source, options)` with those of the page."""
     builder: Builder
     variant: Variant
-    """Of the methods that run where nobody chose any."""
+    """Variant of the methods that run if nobody chose any."""
     trajectory_options: tuple[TrajectoryOption, ...] = ()
     """Trajectories of other programs, shown where they fit the source."""
     folders: Folders = Folders()
-    """Where somebody at the page may look for runs and recordings."""
+    """Folders in which a person at the page may look for runs and recordings."""
     named: str = ""
-    """What the command line named may be opened wherever it is."""
+    """The source that the command line named; it may be opened wherever it is."""
     beginnings: Mapping[str, Path] = field(default_factory=dict)
     """By source: the folder of a run over its first frames, which are shown as they were recorded until they are
     computed."""
@@ -62,7 +62,7 @@ class SourceOpener:
 
     @property
     def asked_for(self) -> frozenset[str]:
-        """Sources that a person named or opened, which a stored run may name, too."""
+        """Returns sources that a person named or opened; a stored run may name these, too."""
         return frozenset({self.named, *self._asked} - {""})
 
     def stored(self, source: str, memory_bytes: int) -> CurrentRun | None:

@@ -1,4 +1,4 @@
-"""What one event adds to a recording, as values: no stream is touched here."""
+"""The entries that one event adds to a recording, as values. This module uses no stream."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A whole final trajectory: world_from_frame at many frames; or `values` at these."""
+    """A whole final trajectory: world_from_frame at many frames; or a curve with `values` at these frames."""
 
     path: str
     trajectory: Trajectory
@@ -34,7 +34,7 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What one event adds, at one instant of both timelines."""
+    """The entries that one event adds, at one time of both timelines."""
 
     index: int
     since_start_ns: int

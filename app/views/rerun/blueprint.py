@@ -1,8 +1,8 @@
 """The layout of the Rerun viewer: one 3-D view and one image, which are the stage of the page.
 
-The page has the legend of the image, and gives the image the room that its shape needs (stage_layout.js). A layer is
-hidden by paths of the layout (`hidden_paths`), which the page sets in the layout as the viewer has it: a new
-layout would take back time, camera and tabs. The views keep their ids for that.
+The page shows the legend of the image, and gives the image the room that its shape needs (stage_layout.js). To hide a
+layer, the page changes paths (`hidden_paths`) in the layout that the viewer has. A new layout would reset time, camera
+and tabs. Therefore the views have constant ids.
 """
 
 from __future__ import annotations
@@ -39,22 +39,24 @@ PLOTS = {
     "ms": "time [ms]",
 }
 LEGENDS = {"error", "scale", "ms"}
-"""Plots with more than a line per method: the others' colours are the methods', as in the 3-D view."""
+"""Plots with several lines per method. In the other plots, each line has the method's colour, as in the 3-D view."""
 MARGIN = 0.4
-"""Room for a legend at the left, as a fraction of the run."""
+"""Width of the room for a legend at the left, relative to the length of the run."""
 IMAGES = {"video": "Video", "left": "Left", "right": "Right"}
 """Tabs of the image, by camera."""
 WORLD_SHARE = 0.4
-"""Of the 3-D view, in the width of the stage, until the page divides it; the page's buttons stand over it."""
+"""Share of the 3-D view in the width of the stage until the page divides it. The page's buttons are over this view."""
 LEGEND_WORDS = ("words", "dark", "light")
-"""Below a legend; the last two in recordings of before, which had the words for each theme of the viewer."""
+"""Entities below a legend. Older recordings have the last two, with the words for each theme of the viewer."""
 
 
 def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = False) -> rrb.Blueprint:
-    """The stage: a 3-D view and one image. `hidden` names layers and methods. `is_alone`: for a viewer without the
-    page, so that curves and verdicts stand below, then the time. Such a viewer begins at the first frame, with an image
-    that this one has. Where it has none, as one of an IMU, the viewer plays from the first that has, again and again:
-    no documented way begins it there and does not play."""
+    """Returns the stage: a 3-D view and one image. `hidden` names layers and methods.
+
+    `is_alone`: for a viewer without the page; it has curves, verdicts and the time below. Such a viewer begins at the
+    first frame, with an image of that frame. If that has none, as a frame of an IMU, the viewer plays in a loop from
+    the first frame with an image: there is no documented way to begin there without playing.
+    """
     rig = opened.sequence.rig
     hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras, has_legend=is_alone)
     sizes = _image_sizes(opened, is_alone)
@@ -75,7 +77,7 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
 
 
 def _time(kinds: tuple[Kind, ...]) -> rrb.TimePanel:
-    """`kinds` of all frames, where a viewer is to find the first one with an image."""
+    """Returns the time panel. `kinds` are those of all frames, if the viewer must begin at the first with an image."""
     first = next((i for i, kind in enumerate(kinds) if CAMERAS.get(kind)), 0)
     if not first:
         return rrb.TimePanel(state="collapsed", timeline="exposure", play_state="paused")
@@ -89,8 +91,8 @@ def _time(kinds: tuple[Kind, ...]) -> rrb.TimePanel:
 
 
 def _image_sizes(opened: Opened, is_alone: bool = False) -> dict[str, Sequence[float]]:
-    """Width and height of each image in the viewer's coordinates, by the name of its tab; with its legend for a viewer
-    that `is_alone`."""
+    """Returns width and height of each image in the viewer's coordinates, by the name of its tab. For a viewer that
+    `is_alone` they include the legend."""
     if opened.image_sizes:
         return dict(opened.image_sizes)
     rig, size_of = opened.sequence.rig, entities.shown_size if is_alone else entities.image_size
@@ -100,15 +102,15 @@ def _image_sizes(opened: Opened, is_alone: bool = False) -> dict[str, Sequence[f
 
 
 def page_layout(opened: Opened) -> dict[str, Any]:
-    """What the page needs to divide the stage: where the layout has its container, and by path of each image's view the
-    size of the image in the viewer's coordinates."""
+    """Returns what the page needs to divide the stage: the path of its container in the layout, and, by path of each
+    image's view, the size of the image in the viewer's coordinates."""
     sizes = {f"/view/{_view_id(f'/{image_root(name)}')}": size for name, size in _image_sizes(opened).items()}
     return {"container": STAGE, "images": sizes}
 
 
 def _first_camera(opened: Opened, cameras: tuple[str, ...], is_alone: bool) -> str:
-    """The camera whose image is shown first: the left one where methods use the pair and none the video camera, else
-    the first; in a viewer that `is_alone`, of those in the first frame, where it has any."""
+    """Returns the camera whose image is shown first: the left one if methods use the pair and none uses the video
+    camera, else the first one. In a viewer that `is_alone` it is one of the first frame, if that has images."""
     used = frozenset().union(*(method(name).sensors for name in opened.methods))
     wanted = ["left"] if used >= STEREO and not VIDEO & used else []
     kinds = [kind for kind in opened.sequence.kinds if CAMERAS.get(kind)][:1] if is_alone else []
@@ -128,9 +130,9 @@ def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
 def hidden_paths(
     methods: Iterable[str], hidden: Collection[str], colour_by: Colouring = "state", cameras: Iterable[str] = ()
 ) -> list[str]:
-    """Paths in the layout whose `EntityBehavior.visible` is false when these layers and methods are hidden, and tracks
-    are coloured so; the legends always, for the page has its own. `cameras` are those besides the video camera and the
-    pair."""
+    """Returns the paths in the layout whose `EntityBehavior.visible` must be false to hide these layers and methods,
+    and all other colourings of tracks. Legends are always among them, because the page has its own. `cameras` are the
+    ones in addition to the video camera and the pair."""
     return [
         _override(origin, path)
         for origin, paths in _hidden_entities(methods, hidden, colour_by, cameras).items()
@@ -139,7 +141,7 @@ def hidden_paths(
 
 
 def hidden_in_world(entity: str) -> str:
-    """The same for one entity of the 3-D view that is no layer."""
+    """Returns such a path for one entity of the 3-D view that is no layer."""
     return _override("/world", entity)
 
 
@@ -155,10 +157,10 @@ def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = (
 
 @contextmanager
 def released(layout: rrb.Blueprint) -> Iterator[rrb.Blueprint]:
-    """The layout, to be handed to Rerun meanwhile: what Rerun makes of it is freed afterwards.
+    """Gives the layout to be passed to Rerun in this context, and frees what Rerun makes of it afterwards.
 
-    Rerun logs a layout to a stream in memory, which holds itself and two threads until the process ends, unless it is
-    disconnected.
+    Rerun logs a layout to a stream in memory. Unless it is disconnected, this stream and its two threads stay until the
+    process ends.
     """
     log, used = layout._log_to_stream, list[rr.RecordingStream]()
 
@@ -182,7 +184,7 @@ def _hidden_entities(
     *,
     has_legend: bool = False,
 ) -> dict[str, list[str]]:
-    """By the origin of each view: which of its entities are hidden."""
+    """Returns the hidden entities of each view, by the origin of the view."""
     methods = tuple(methods)
     gone = [m for m in methods if m in hidden]
     others = ["beside"] if "beside" in hidden else []
@@ -215,8 +217,8 @@ def _hidden_entities(
 
 
 def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring, has_legend: bool) -> Iterator[str]:
-    """Layers, and all but one way to colour the tracks. An entity that was shown once stays so below a hidden one:
-    therefore the words of the legends by themselves."""
+    """Yields hidden layers, and all colourings of the tracks except one. The words of legends are listed by themselves,
+    because an entity that was shown once stays visible below a hidden one."""
     by_state = {"tracks"} if colour_by != "state" else set()
     if camera == "right":
         yield from (f"right/{IMAGE_LAYERS[layer]}" for layer in ("tracks", "overlay") if layer in hidden)
@@ -239,7 +241,7 @@ def _world(opened: Opened, hidden: list[str], is_alone: bool) -> rrb.View:
     controls = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital, position=eye.position, look_target=eye.target, eye_up=eye.up
     )
-    if is_alone and truth is None:  # how far the paths will go is not known; the viewer frames what there is
+    if is_alone and truth is None:  # the extent of the paths is unknown; the viewer frames what is drawn
         controls = None
     unit = "m" if any(method(name).unit == "metric" for name in opened.methods) else "own unit, not metres"
     if opened.truth is not None and truth is None:
@@ -253,7 +255,7 @@ def _world(opened: Opened, hidden: list[str], is_alone: bool) -> rrb.View:
 
 
 def least_size(opened: Opened) -> float:
-    """Extent of the smallest scene that is framed: a few cameras."""
+    """Returns the extent of the smallest scene that is framed: a few cameras."""
     rig = opened.sequence.rig
     return 10.0 * rig.baseline_m if rig.has_stereo else 2.0
 
@@ -281,7 +283,7 @@ def _plot(opened: Opened, kind: str, title: str, hidden: list[str]) -> rrb.View:
 
 
 def _room_for_legend(opened: Opened) -> rrb.archetypes.TimeAxis | None:
-    """The whole run, with the legend before it. A live source has no end to plan with."""
+    """Returns an axis with room for the legend before the whole run; None for a live source, whose end is unknown."""
     if opened.sequence.grow is not None or not len(opened.sequence):
         return None
     end = len(opened.sequence) - 1
@@ -294,7 +296,7 @@ def _hide(paths: list[str]) -> dict[Any, rrb.EntityBehavior]:
 
 
 def _with_stable_id(view: rrb.View) -> rrb.View:
-    """With an id that follows from what it shows, in every layout the same."""
+    """Returns the view with an id that depends only on what it shows, so that it is the same in every layout."""
     view.id = _view_id(str(view.origin))
     return view
 

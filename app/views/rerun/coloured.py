@@ -1,4 +1,4 @@
-"""Tracks on images, coloured by age, residual or depth: an entity for each, of which the layout shows one at most."""
+"""Tracks on images, coloured by age, residual or depth. Each has its entity; the layout shows at most one of them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def path_of(camera: str, by: Colouring) -> str:
 
 
 class ColouredTracks:
-    """Of one run: what is known of the tracks that live, by camera."""
+    """Draws the coloured tracks of one run. It keeps ages and depths of the live tracks, by camera."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
@@ -40,11 +40,11 @@ class ColouredTracks:
                 yield from _legend(f"{path_of(name, by)}/legend", by, camera)
 
     def learn(self, seen: Seen) -> None:
-        """Each frame of a camera once, drawn or not."""
+        """Takes each frame of a camera once, whether it is drawn or not."""
         self._known[seen.camera] = self._known.get(seen.camera, Knowledge()).after(seen, self._rig)
 
     def entries(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
-        """Those of the frame's tracks that are drawn and live."""
+        """Yields the live ones of the frame's drawn tracks, once for each colouring."""
         camera, living = self._rig.camera(seen.camera), shown.status < TrackStatus.LOST
         uv = entities.shown_uv(shown.uv[living], camera)
         for by in SCALES:
@@ -53,13 +53,13 @@ class ColouredTracks:
 
 
 def _classes(by: Colouring) -> rr.AnnotationContext:
-    """What the class ids mean: shown on hovering."""
+    """Returns the meaning of the class ids, which the viewer shows on hovering."""
     labels = zip(SCALES[by].labels(), palette(), strict=True)
     return rr.AnnotationContext([(i, f"{by}: {text}", colour) for i, (text, colour) in enumerate(labels)])
 
 
 def _legend(path: str, by: Colouring, camera: Camera) -> Iterator[Entry]:
-    """Next to or below the image, as that of the states."""
+    """Yields the legend next to or below the image, like that of the states."""
     labels = SCALES[by].labels()
     places = entities.legend_places(len(labels), camera, LEGEND_ROW)
     yield from entities.legend_entries(path, list(range(len(labels))), labels, places, static=True)

@@ -19,14 +19,15 @@ from .batch import Entry
 
 MOST_POINTS = 20_000
 FARTHEST_BASELINES = 50.0
-"""A disparity that is 0.25 px wrong puts a point of this distance 2 % off, at a focal length of 600 px."""
+"""Largest distance of points, in baselines: there, an error of 0.25 px of the disparity is one of 2 % of the distance,
+at a focal length of 600 px."""
 POINT_PX = 1.0
 """Half width on the screen."""
 
 
 def depth_entries(pair: Frame, steps: Sequence[Step], rig: Rig, hidden: Collection[str] = ()) -> Iterator[Entry]:
-    """At most one: the points of the pair, below the metric method that uses most sensors of those with a pose at the
-    pair that are not `hidden`."""
+    """Yields at most one entry: the points of the pair, below a metric method with a pose at the pair that is not
+    `hidden`. Of several methods it is the one that uses most sensors."""
     posed = [s for s in steps if s.world_from_frame is not None and s.method not in hidden]
     metric = [s for s in posed if registered(s.method).unit == "metric"]
     step = max(metric, key=lambda s: len(registered(s.method).sensors), default=None)

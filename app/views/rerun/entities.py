@@ -1,4 +1,4 @@
-"""What the recorder draws: pure functions from the library's values to Rerun's. Conversions to Rerun live here.
+"""Entities of the recorder: pure functions that convert the library's values to Rerun's.
 
 Rerun's pixel coordinates count from the corner of the top-left pixel, ours from its centre: half a pixel apart.
 """
@@ -30,19 +30,19 @@ JPEG_QUALITY = 80
 SHOWN_PX = 640 * 480
 """Larger images are shown, and kept, at about this many pixels."""
 MOST_MARKERS = 600
-"""Of an image's tracks, so many are drawn at most, spread evenly: more hide the image. The counts are of all."""
+"""Most tracks that are drawn in an image, spread evenly over it: more would hide it. Counts are of all tracks."""
 CELLS = (16, 12)
-"""Over the image, by which they are spread."""
+"""Columns and rows of the parts of an image over which the drawn tracks are spread."""
 INK: colours.Rgb = (128, 128, 128)
-"""Of the words in a legend: they can be read on a dark viewer and on a light one."""
+"""Colour of the words in a legend: they can be read in a dark and in a light viewer."""
 LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
-"""Of a legend below its image."""
+"""Columns and rows of a legend below its image."""
 LEGEND_WIDTH = 0.32
-"""Of a legend next to the image, in widths of the image."""
+"""Width of a legend next to the image, in widths of the image."""
 TRAIL_LENGTH = 10
-"""Earlier positions of a track that its trail shows, at most,"""
+"""Most earlier positions of a track that its trail shows."""
 TRAIL_SHARE = 0.06
-"""and its longest way, in widths of the image: the image stays visible."""
+"""Longest trail, in widths of the image, so that the image stays visible."""
 FADING = ((0, 3, 0.9, 0.5), (3, 6, 0.5, 0.4), (6, 10, 0.3, 0.3))
 """Parts of a trail: first and last place, counted from now, opacity and half width [px]."""
 THUMBNAIL_PX = 200
@@ -71,7 +71,7 @@ def jpeg(image: Image) -> rr.EncodedImage:
 
 
 def jpeg_bytes(image: Image, quality: int) -> bytes:
-    """The same as the content of a file, in this quality from 1 to 100."""
+    """Returns the content of a JPEG file of the image at `shown_scale`. `quality` is from 1 to 100."""
     scale = shown_scale(image.shape[1], image.shape[0])
     if scale < 1:
         size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
@@ -87,7 +87,7 @@ def shown_uv(uv: NDArray, camera: Camera) -> NDArray[np.float32]:
 
 
 def strips(places: NDArray[np.float32]) -> pa.Array:
-    """Polylines (N, K, 2 or 3) as Rerun stores them; given as numbers, Rerun goes through them one by one."""
+    """Returns polylines (N, K, 2 or 3) in Rerun's storage format. This is faster: Rerun would convert each number."""
     count, length, dimension = places.shape
     kind = _STRIPS[dimension]
     flat = pa.array(np.ascontiguousarray(places, np.float32).reshape(-1))
@@ -105,30 +105,30 @@ def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> 
 
 
 NAME_STEP = np.array([0.0, -1.5, 1.5])
-"""From the end of one path to its name, and half of that from one name to the next where paths end together, in the
-shared world and in depths of a camera: apart from each other seen from above as from the side."""
+"""Offset of a name from the end of its path, in the shared world and in depths of a camera. Names of paths that end
+together have half of this distance. It is oblique, so that names are separate from above and from the side."""
 
 
 def name(text: str, place: Array, colour: colours.Rgb) -> rr.Points3D:
-    """The name of a line, at a place (3,) beside its end."""
+    """Returns the name of a line, at a position (3,) next to its end."""
     return rr.Points3D([place], labels=[text], colors=colours.packed(colour), radii=[0.0], show_labels=True)
 
 
 LINE_PX = 1.0
-"""Half width on the screen of the lines that a method found."""
+"""Half width [px] on the screen of lines that a method found."""
 MOVING = len(TrackStatus)
-"""Class id of what moves by itself."""
+"""Class id of tracks on objects that move by themselves."""
 
 
 def statuses() -> rr.AnnotationContext:
-    """What the class ids of `points` and `moving` mean: shown on hovering."""
+    """Returns the meaning of the class ids of `points` and `moving`, which the viewer shows on hovering."""
     known = [(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus]
     return rr.AnnotationContext([*known, (MOVING, "moves by itself, with others as one rigid thing", colours.MOVING)])
 
 
 def thinned(tracks: Tracks, camera: Camera) -> Tracks:
-    """At most MOST_MARKERS of them, the same number in every part of the image where there are so many; of those in one
-    part the longest known, so that they stay from one frame to the next."""
+    """Returns at most MOST_MARKERS tracks: the same number in each part of the image, as far as it has enough. In each
+    part these are the oldest tracks, so that the same ones are drawn from frame to frame."""
     if len(tracks) <= MOST_MARKERS:
         return tracks
     places = np.nan_to_num(tracks.uv) / [camera.width, camera.height]
@@ -142,7 +142,7 @@ def thinned(tracks: Tracks, camera: Camera) -> Tracks:
 
 
 def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
-    """These tracks where they are, or were last seen; their class is their status."""
+    """Returns the tracks at their present or last positions; their class is their status."""
     radii = np.where(tracks.status >= TrackStatus.LOST, np.float32(-2.0), np.float32(-1.5))
     return rr.Points2D(
         shown_uv(tracks.uv, camera), class_ids=tracks.status.astype(np.uint16), radii=radii, show_labels=False
@@ -150,14 +150,14 @@ def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
 
 
 def moving(tracks: Tracks, camera: Camera) -> rr.Points2D:
-    """What one other rigid motion explains, a little larger than `points`."""
+    """Returns the tracks that one other rigid motion explains, a little larger than `points`."""
     classes = np.full(len(tracks), MOVING, np.uint16)
     return rr.Points2D(shown_uv(tracks.uv, camera), class_ids=classes, radii=[-2.5], show_labels=False)
 
 
 def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
-    """The last places of the tracks that live, fading with their age. `recent` are this camera's Tracks, oldest
-    first."""
+    """Returns the last positions of the live tracks as lines that fade with age. `recent` are this camera's Tracks,
+    oldest first."""
     now = recent[-1]
     living = (now.status < TrackStatus.LOST) & ~np.isnan(now.uv_prev[:, 0])
     places, lengths = [now.uv[living]], np.zeros(int(living.sum()))
@@ -195,7 +195,7 @@ def thumbnail(image: Image) -> rr.EncodedImage:
 
 
 def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
-    """Of a `thumbnail`, drawn at a depth; without an outline, for the camera has one."""
+    """Returns the pinhole of a `thumbnail` at a depth. It has no outline, because the camera is drawn with one."""
     scale = min(1.0, THUMBNAIL_PX / camera.width)
     width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
     return rr.Pinhole(
@@ -208,7 +208,7 @@ def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
 
 
 def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
-    """From each point to where the right image has it: longer is nearer."""
+    """Returns a line from each point to its position in the right image: the longer, the nearer."""
     known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
     right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
     drawn = strips(shown_uv(np.stack([tracks.uv[known], right], 1), camera))
@@ -228,7 +228,7 @@ def world_lines(found: WorldLines) -> rr.LineStrips3D:
 
 
 def in_right(tracks: Tracks) -> Tracks:
-    """The tracks of the left image that have a disparity, where the right image has them."""
+    """Returns the tracks of the left image that have a disparity, at their positions in the right image."""
     known = np.flatnonzero(~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST))
     found = Tracks(*(getattr(tracks, field.name)[known] for field in fields(Tracks)))
     shift = np.stack([found.disparity_px, np.zeros(len(known))], 1)
@@ -236,8 +236,8 @@ def in_right(tracks: Tracks) -> Tracks:
 
 
 def legend(path: str, tracks: Tracks, moved: Tracks | None, camera: Camera) -> Iterator[Entry]:
-    """Legend next to or below the image: the number of tracks of each status, in its colour, and of those that move by
-    themselves."""
+    """Yields the legend next to or below the image: for each status its colour and the number of tracks, and the number
+    of tracks that move by themselves."""
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
     items = [(int(s), f"{counts[s]} {status_text(s)}") for s in TrackStatus if counts[s]]
     if moved is not None:
@@ -250,8 +250,8 @@ def legend(path: str, tracks: Tracks, moved: Tracks | None, camera: Camera) -> I
 def legend_entries(
     path: str, class_ids: list[int], labels: list[str], places: Array, *, static: bool = False
 ) -> Iterator[Entry]:
-    """Dots in the colours of the classes, and the words in an ink that can be read: the viewer writes in the colour of
-    the dots."""
+    """Yields dots in the colours of the classes, and the words as separate dots in INK, because the viewer writes words
+    in the colour of their dots."""
     dots = rr.Points2D(places, class_ids=class_ids, labels=labels, radii=-4.0, show_labels=False)
     yield Entry(path, dots, static)
     words = rr.Points2D(places, colors=[INK] * len(labels), labels=labels, radii=0.0, show_labels=True)
@@ -259,8 +259,8 @@ def legend_entries(
 
 
 def legend_places(count: int, camera: Camera, row_height: float = 0.13) -> Array:
-    """(count, 2) in Rerun's coordinates: rows of LEGEND_COLUMNS below a wide image, or else a column beside it, whose
-    rows are so far apart, in heights of the image."""
+    """Returns positions (count, 2) in Rerun's coordinates: rows of LEGEND_COLUMNS below a wide image, or else a column
+    next to it, whose rows have the distance `row_height` in heights of the image."""
     size, places = np.array([camera.width, camera.height]), np.arange(count)
     if _legend_below(camera):
         row, column = np.divmod(places, LEGEND_COLUMNS)
@@ -285,7 +285,8 @@ def shown_size(camera: Camera) -> Array:
 
 
 def _legend_below(camera: Camera) -> bool:
-    """Labels keep their size on the screen, so a legend takes what room the image's shape leaves."""
+    """Returns whether the legend is below the image. Labels have a constant size on the screen, so a legend takes the
+    room that the shape of the image leaves."""
     return camera.width > camera.height
 
 
@@ -307,7 +308,7 @@ def status_text(status: TrackStatus) -> str:
 
 
 def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
-    """One polyline (10, 3), in the frame, around what the camera sees up to a depth."""
+    """Returns one polyline (10, 3) in the frame: the outline of the camera's view up to a depth."""
     w, h = camera.width - 0.5, camera.height - 0.5
     rays = camera.normalise(np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]))
     top_left, top_right, bottom_right, bottom_left = np.column_stack([rays, np.ones(4)]) * depth
@@ -317,8 +318,8 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
 
 
 def outlines(rig: Rig, frame: FrameName, size: float, main_camera: bool) -> Array:
-    """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones; of all cameras
-    of a rig without any of these."""
+    """Returns frusta (L, 10, 3) in a frame: of the video camera (without one: the left one), or of both stereo cameras.
+    For a rig without these, they are of all cameras."""
     main: FrameName = "video" if rig.video is not None else "left"
     names: tuple[FrameName, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
     if rig.video is None and rig.left is None:
@@ -328,7 +329,8 @@ def outlines(rig: Rig, frame: FrameName, size: float, main_camera: bool) -> Arra
 
 
 def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
-    """In the world of the pose, as a few lines: a filled one that is larger than the scene would tint all of it."""
+    """Returns the ellipsoid in the world of the pose, as a few lines. A filled one that is larger than the scene would
+    tint all of it."""
     return rr.Ellipsoids3D(
         half_sizes=[found.half_sizes],
         centers=[found.centre],
@@ -340,8 +342,8 @@ def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
 
 
 def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float | None]) -> str:
-    """Markdown: what each method decided in its latest step, and why. `units_m`: the methods' units [m], None where
-    nobody knows."""
+    """Returns Markdown with the decisions of each method in its latest step, and the reasons. `units_m`: the methods'
+    units [m], None where unknown."""
     return "\n".join(part for step in steps.values() for part in _story(step, first_ns, units_m))
 
 

@@ -1,6 +1,6 @@
 """The trajectories of other programs in a recording: /world/beside/NAME and /plots/error/beside/NAME.
 
-Frame-synchronised: at a frame there is what lies up to its time, and the pose interpolated there.
+They are synchronised with the frames: at a frame, the path up to its time and the interpolated pose are drawn.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from . import entities
 from .batch import Entry
 
 POSES_PER_LINE = 100
-"""So many are logged again when there is one more."""
+"""Number of poses of one line: a new pose logs only its line again."""
 WIDTH_PX = 1.2
 
 
 class ExternalTrajectoryLog:
-    """Follows one run, or draws one frame of it."""
+    """Draws the trajectories during one run, or at one frame of it."""
 
     def __init__(self, opened: Opened) -> None:
         self._externals, self._places = opened.external_trajectories, Places(opened)
         self._drawn: dict[str, tuple[Placed, int]] = {}
-        """By entity of a line: what it was drawn from, and the number of its last pose."""
+        """By entity of a line: the trajectory from which it was drawn, and the number of its last pose."""
         self._seen: set[str] = set()
-        """Those whose pose is drawn now."""
+        """Names of trajectories whose pose is drawn now."""
 
     def opening(self) -> Iterator[Entry]:
         """Names and colours of their error curves (static)."""
@@ -49,8 +49,8 @@ class ExternalTrajectoryLog:
     def at(
         self, index: int, time_ns: int, model: RunModel, placements: Mapping[str, Similarity], outlines: Array
     ) -> Iterator[Entry]:
-        """What differs from the frame before. `model` is as known after this one; `outlines` (L, P, 3) of the rig's
-        cameras in the rig."""
+        """Yields the entities that differ from those of the frame before. `model` is that after this frame; `outlines`
+        (L, P, 3) are those of the rig's cameras in the rig."""
         found = self._places.at(model, placements)
         for external in self._externals:
             if (placed := found.get(external.name)) is not None:
@@ -77,7 +77,7 @@ class ExternalTrajectoryLog:
             size = float(np.ptp(outlines.reshape(-1, 3), axis=0).max())
             end = (
                 pose.translation - 2 * (1 + external.number) * size * entities.NAME_STEP
-            )  # not where methods have theirs
+            )  # away from the names of methods
             colour = colours.colour_of_external(external.number)
             yield Entry(f"world/beside/{external.name}/name", entities.name(external.name, end, colour))
             if external.name not in self._seen:

@@ -1,4 +1,4 @@
-"""Where the eye of the 3-D view stands: pure functions of the path that it is to show.
+"""The eye of the 3-D view: pure functions of the path that it shows.
 
 In the shared world y points down, so the eye's up is -y.
 """
@@ -12,22 +12,22 @@ import numpy as np
 from ispom.geometry import Array, Pose
 
 FOV_RAD = np.radians(55.0)
-"""Height of Rerun's field of view."""
+"""Vertical field of view of Rerun."""
 ROOM = 1.25
-"""Distance of the eye, relative to the least at which all is visible."""
+"""Distance of the eye, relative to the least distance at which the whole path is visible."""
 MOST_POINTS = 500
-"""Of a path, so many decide at most."""
+"""About the number of points of a path from which the eye's distance is computed."""
 UP = np.array([0.0, -1.0, 0.0])
 FROM_THE_SIDE_RAD = np.radians(50.0)
-"""Between the path's main direction and the view, seen from above."""
+"""Angle between the path's main direction and the view, seen from above."""
 ELEVATION_RAD = np.radians(32.0)
 FOLLOWING_HEIGHT = 0.4
-"""Of the following eye above the camera, relative to its distance behind it."""
+"""Height of the following eye above the camera, relative to its distance behind it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """As Rerun has it; all (3,)."""
+    """The eye in Rerun's form; all fields are (3,)."""
 
     position: Array
     target: Array
@@ -35,44 +35,45 @@ class Eye:
 
 
 def eye_on(path: Array, least: float) -> Eye:
-    """The whole path (N, 3), obliquely from above. `least`: extent of the smallest scene that is framed."""
+    """Returns the eye that sees the whole path (N, 3) obliquely from above. `least`: extent of the smallest scene that
+    is framed."""
     side = _horizontal(_main_direction(path), FROM_THE_SIDE_RAD)
     forward = np.cos(ELEVATION_RAD) * side - np.sin(ELEVATION_RAD) * UP
     return _fitted(path, forward, UP, least)
 
 
 def eye_above(path: Array, least: float) -> Eye:
-    """The whole path as on a map, its beginning direction upwards."""
+    """Returns the eye that sees the whole path as on a map, with its first direction upwards."""
     return _fitted(path, -UP, np.array([0.0, 0.0, 1.0]), least)
 
 
 def eye_from_side(path: Array, least: float) -> Eye:
-    """The whole path at eye level: it shows heights."""
+    """Returns the eye that sees the whole path from the side, which shows heights."""
     return _fitted(path, _horizontal(_main_direction(path), np.radians(90.0)), UP, least)
 
 
 def eye_of(world_from_camera: Pose, distance: float) -> Eye:
-    """What the camera sees."""
+    """Returns the eye with the view of the camera."""
     forward = world_from_camera.rotation @ np.array([0.0, 0.0, 1.0])
     up = world_from_camera.rotation @ UP
     return Eye(world_from_camera.translation, world_from_camera.translation + distance * forward, up)
 
 
 def eye_behind(world_from_camera: Pose, distance: float) -> Eye:
-    """Behind and above the camera, looking where it looks."""
+    """Returns the eye behind and above the camera, looking in its direction."""
     forward = world_from_camera.rotation @ np.array([0.0, 0.0, 1.0])
     position = world_from_camera.translation + distance * (FOLLOWING_HEIGHT * UP - forward)
     return Eye(position, world_from_camera.translation + 0.5 * distance * forward, UP)
 
 
 def extent(path: Array) -> float:
-    """Of a path (N, 3): the longest side of its box."""
+    """Returns the longest side of the box around a path (N, 3)."""
     return float(np.ptp(path, axis=0).max()) if len(path) else 0.0
 
 
 def is_framed(path: Array, framed: Array, least: float) -> bool:
-    """Whether a view that frames one path (M, 3) still does for another one (N, 3): that lies inside, and is not much
-    smaller."""
+    """Returns whether a view that frames the path `framed` (M, 3) also frames `path` (N, 3): it lies inside, and is not
+    much smaller."""
     low, high = _box(framed, least)
     new_low, new_high = _box(path, least)
     room = (ROOM - 1) * float((high - low).max())
@@ -94,14 +95,15 @@ def _fitted(path: Array, forward: Array, up: Array, least: float) -> Eye:
 
 
 def _box(path: Array, least: float) -> tuple[Array, Array]:
-    """Corners (3,) of the box around a path, at least so large."""
+    """Returns two corners (3,) of the box around a path, whose extent is at least `least`."""
     low, high = (path.min(0), path.max(0)) if len(path) else (np.zeros(3), np.zeros(3))
     missing = np.maximum(least - (high - low), 0.0) / 2
     return low - missing, high + missing
 
 
 def _main_direction(path: Array) -> Array:
-    """(3,) horizontal: that in which the path extends most, towards its end; forward where it extends nowhere."""
+    """Returns the horizontal direction (3,) in which the path extends most, towards its end; forward for a path without
+    extent."""
     flat = (path - path.mean(0)) * [1.0, 0.0, 1.0] if len(path) > 1 else np.zeros((1, 3))
     _, extents, directions = np.linalg.svd(flat, full_matrices=False)
     if extents[0] < 1e-9:

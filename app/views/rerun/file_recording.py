@@ -1,4 +1,4 @@
-"""Where a run is kept: a file that misses nothing.
+"""Records a run into a file, without loss.
 
     with FileRecording(path, opened) as file:
         for event in events:                 # Stepped ..., and Finished at the end
@@ -32,24 +32,24 @@ from .recorder import Recorder
 from .streams import APPLICATION, send
 
 RESERVE_BYTES = 32 << 20
-"""A recording ends where it would leave less of the disk than this: the run's results are still to be written."""
+"""Free space of the disk below which a recording ends, because the run's results must still be written."""
 FLUSH_EVERY, FLUSH_EVERY_S = 10, 0.5
-"""Events and seconds between two flushes of a file: what a crash may lose."""
+"""Events and seconds between two flushes of a file. A crash loses at most these."""
 WAIT_S = 0.5
 """Longest wait for the disk at a time, during which no signal is seen."""
 CLOSE_S = 3.0
 """Longest wait for the disk when a recording is closed, in all."""
 POLL_S = 0.05
 STALLED_S = 10.0
-"""A disk that takes nothing for so long is given up."""
+"""Time without any progress of the disk after which the recording gives up."""
 
 
 class FileRecording:
-    """One `.rrd` file. While it grows its name is hidden (`part_of`), and it is readable at any moment, also after a
-    crash; `close` writes its index and gives it its name."""
+    """One `.rrd` file. While it grows it has a hidden name (`part_of`) and is readable at any time, even after a crash.
+    `close` writes its index and gives it its final name."""
 
     def __init__(self, path: Path, opened: Opened, has_depth: Callable[[], bool] = lambda: False) -> None:
-        """InputError where the file cannot be written, or somebody else is writing it."""
+        """Raises InputError where the file cannot be written, or another process is writing it."""
         self.path = Path(path)
         self.failure: str | None = None
         """Why the recording stopped on its own, one sentence; None while all is well."""
@@ -74,14 +74,14 @@ class FileRecording:
 
     @property
     def size_bytes(self) -> int:
-        """On disk so far. Another thread may give the file its name between two looks."""
+        """Returns the size on disk so far. It looks for both names, because another thread may rename the file."""
         for path in (self._part, self.path):
             with suppress(FileNotFoundError):
                 return path.stat().st_size
         return 0
 
     def write(self, event: Event | Bookmark) -> None:
-        """Never raises because of the disk: see `failure`."""
+        """Writes an event. It never raises because of the disk: see `failure`."""
         if self._stream is not None:
             batch = self._recorder.batch(event)
             self._guarded(lambda stream: send(stream, batch))
@@ -92,8 +92,8 @@ class FileRecording:
     def close(self, overdue: Callable[[], bool] = lambda: False) -> None:
         """Ends the file properly. Calling it again does nothing.
 
-        A disk that does not answer is given up after `CLOSE_S`, or earlier, once `overdue`, which is called again and
-        again, is true.
+        It waits up to `CLOSE_S` for a disk that does not answer, or until `overdue`, which is called repeatedly,
+        returns true.
         """
         self._end(overdue)
 
@@ -158,7 +158,7 @@ class FileRecording:
         self._stack.close()
 
     def _ended(self, closing: Thread, overdue: Callable[[], bool]) -> bool:
-        """Waits until the disk has all; whether that came."""
+        """Waits until all is on the disk, and returns whether that happened."""
         until = time.monotonic() + CLOSE_S
         while True:
             closing.join(POLL_S)

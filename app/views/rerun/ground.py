@@ -23,7 +23,8 @@ def grid_spacing(path: Array) -> float:
 
 
 def grid_below(path: Array, size: float, spacing: float) -> rrb.LineGrid3D:
-    """Horizontal, somewhat below the path (N, 3) of a scene of this size: how high a camera is carried is not known."""
+    """Returns a horizontal grid somewhat below the path (N, 3) of a scene of this size. The true height of the camera
+    is unknown."""
     lowest = float(path[:, 1].max()) if len(path) else 0.0
     plane = rr.components.Plane3D(normal=(0, 1, 0), distance=lowest + 0.3 * size)
     return rrb.LineGrid3D(visible=True, spacing=spacing, plane=plane, stroke_width=0.5, color=COLOUR)

@@ -1,4 +1,4 @@
-"""What can be hidden in the views, in addition to methods: names and labels."""
+"""Layers that can be hidden in the views, in addition to methods: names and labels."""
 
 from __future__ import annotations
 
@@ -39,6 +39,6 @@ HINTS = {
 OPTIONAL = frozenset({"depth"})
 """Layers that are drawn only when a person chooses them: they cost time."""
 MEASURES = "measures"
-"""Of no layer: all plots and texts, which a lesson hides."""
+"""Name for all plots and texts, which are in no layer and which a lesson hides."""
 IMAGE_LAYERS = {layer: layer for layer in ("tracks", "moving", "trails", "disparity")} | {"overlay": "lines"}
 """By layer: the name of its entity below that of an image. A layer never has the name of a method."""

@@ -1,4 +1,4 @@
-"""The run as browsers see it. Nothing listens here: the page's server reads the tape and passes it on.
+"""The run for browsers. Nothing listens here: the page's server reads the tape and sends it.
 
 live = LiveStream()
 live.open(opened, history)               # for each run: a new tape
@@ -35,36 +35,36 @@ from .tape import Tape
 
 log = logging.getLogger(__name__)
 SETTLE_S = 0.3
-"""Before what is known already is drawn again: the page's own panels come first, and a branch that is shown but for a
+"""Wait before known frames are drawn again, so that the page's panels come first, and a branch that is shown only for a
 moment costs nothing."""
 FLUSH_S = 5.0
 """Longest wait for Rerun's own threads."""
 
 
 class LiveStream:
-    """Its own thread turns events into `.rrd` bytes on a tape; `write` only hands over."""
+    """Turns events into `.rrd` bytes on a tape, in a thread of its own; `write` only passes them to it."""
 
     def __init__(self) -> None:
         self.tape: AnyTape | None = None
-        """Of the run that is shown; None before the first."""
+        """The tape of the run that is shown; None before the first."""
         self.grown = Subscribers()
-        """Rings whenever there is more on the tape, or another tape."""
+        """Called whenever the tape has grown or was replaced."""
         self._feed: Feed | None = None
         self._failure: str | None = None
 
     @property
     def dropped(self) -> int:
-        """Frames of this run whose images the viewers miss, because this thread lagged."""
+        """Returns the number of frames of this run that came without images, because this thread lagged."""
         return self._feed.dropped if self._feed is not None else 0
 
     @property
     def watched(self) -> bool:
-        """Whether somebody has seen more than one frame of a run that began with a recording."""
+        """Returns whether somebody has seen more than one frame of a run that began with a recording."""
         return isinstance(self.tape, BegunTape) and self.tape.frames_seen > 1
 
     def open(self, opened: Opened, history: History, beginning: Path | None = None) -> None:
-        """Begins another run, in place of the one before. What was computed in its `history` comes without images; its
-        other frames are those of a recording, its `beginning`.
+        """Replaces the run by another one. Frames in its `history` come without images at first. Its other frames are
+        those of the recording `beginning`.
 
         OSError where the user's cache cannot be written, InputError as `replay`.
         """
@@ -107,7 +107,7 @@ class LiveStream:
             self._feed.offer(event)
 
     def look_at(self, index: int) -> None:
-        """A frame is shown: where it was drawn without its images, they come now. Does nothing before `open`."""
+        """Says that a frame is shown. If it was drawn without its images, they come now. Does nothing before `open`."""
         if self._feed is not None:
             self._feed.look_at(index)
 
@@ -117,7 +117,7 @@ class LiveStream:
             raise RuntimeError(self._failure)
 
     def close(self) -> None:
-        """Ends the run for its readers; what is still on its way is lost."""
+        """Ends the run for its readers; frames that were not drawn yet are lost."""
         feed, tape = self._feed, self.tape
         self._feed = self.tape = None
         if feed is not None:
@@ -135,7 +135,7 @@ class LiveStream:
             while (event := feed.take()) is not None:
                 self._draw(tape, recorder, event)
         except Exception as fault:
-            if self._feed is feed:  # else the run is over, and its files are closed
+            if self._feed is feed:  # otherwise the run is over, and its files are closed
                 log.exception("the live stream failed")
                 self._failure = f"{type(fault).__name__}: {fault}"
 

@@ -1,9 +1,9 @@
-"""What the views of one frame consist of, and its bytes for a viewer that holds the parts of one frame only.
+"""The parts of the views of one frame, and their bytes for a viewer that has the parts of one frame only.
 
-Rerun shows at each time the latest value up to there, whichever that is, and its viewer discards what is old when its
-memory is full: so an older frame's image came to lie under a frame's tracks. Therefore the viewer is never given the
-images, tracks and maps of a run along its timeline. It gets the parts of the frame that is shown as static data, of
-which it keeps one value each; those of another frame replace them.
+Rerun shows at each time the latest value before it, and its viewer discards old values when its memory is full. So it
+could show the tracks of a frame over the image of an older one. Therefore the viewer never gets the images, tracks and
+maps of a run along its timeline. It gets the parts of the frame that is shown as static data, of which it keeps one
+value each; the parts of another frame replace them.
 
     video/*, left/*, right/*,   the parts of exactly this frame, and of the other camera's latest one
     camera/NAME/*
@@ -33,25 +33,26 @@ from .rrd import messages
 from .streams import APPLICATION
 
 Part = tuple[str, str]
-"""Path of an entity, and the archetype of these of its components."""
+"""Path of an entity, and the archetype of some of its components."""
 OTHER = "camera"
-"""Above the entities of all cameras with other names: their frames are of one kind, and drawn together."""
+"""Root of the entities of all cameras with other names. Their frames have one kind and are drawn together."""
 CAMERAS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", "right"), "cameras": (OTHER,)}
 """The cameras whose images are drawn, by the kind of a frame; other measurements are not drawn."""
 IMAGE, CLEAR = "EncodedImage", "Clear"
 STAGE = "stage"
-"""Entity and timeline that show which message the viewer took in last."""
+"""Entity and timeline that show which message the viewer processed last."""
 FLUSH_S = 5.0
 """Longest wait for Rerun's own threads."""
 
 
 def image_root(camera: str) -> str:
-    """The entity above all that is drawn in the image of a camera."""
+    """Returns the root of all entities in the image of a camera."""
     return camera if camera in ("video", "left", "right") else f"{OTHER}/{camera}"
 
 
 def is_part(path: str) -> bool:
-    """Whether what is logged here over time is a part of the views of a frame; the page draws nothing of the rest."""
+    """Returns whether data logged over time at this path are a part of the views of a frame; the page draws no
+    others."""
     path = path.removeprefix("/")
     below = path.startswith(("video/", "left/", "right/", f"{OTHER}/", "world/")) and not re.fullmatch(
         "world/[^/]+/final", path
@@ -60,7 +61,8 @@ def is_part(path: str) -> bool:
 
 
 def camera_of(path: str) -> str | None:
-    """The camera of whose frame alone the entity is: what is drawn in its image, and that image in the 3-D view."""
+    """Returns the camera of an entity that belongs to the frame of one camera: one in its image, or that image in the
+    3-D view. None for other entities."""
     first, *others = path.removeprefix("/").split("/")
     if first == "world":
         return others[2] if len(others) == 3 and others[0] == "view" else None
@@ -79,11 +81,11 @@ def latest_of_each_camera(kinds: Sequence[Kind], index: int) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is to be shown of a frame."""
+    """The parts that are shown at a frame."""
 
     index: int
     versions: Mapping[Part, Hashable]
-    """By part, which of its values; a part that is not here is empty."""
+    """By part, the version of its value; a part that is missing here is empty."""
     missing: bool = False
     """Whether an image of it is still to come."""
 
@@ -98,15 +100,16 @@ class Drawn:
 
 
 class Overlay:
-    """What is drawn over a run's frames and follows the session: the selected track, other branches, and the like."""
+    """Entities that are drawn over a run's frames and depend on the session: the selected track, other branches, and so
+    on."""
 
     def __init__(self) -> None:
         self._groups: dict[str, dict[Part, Drawn]] = {}
         self.parts: Mapping[Part, Drawn] = {}
-        """Of all groups. Another object for each change: readers take it once."""
+        """The parts of all groups. Each change makes another object, so readers should read it once."""
 
     def draw(self, group: str, entries: Iterable[Entry], index: int | None = None) -> bool:
-        """Takes these in place of all that the group had; whether that is a change."""
+        """Replaces all entries of a group, and returns whether that changed anything."""
         before, now = self._groups.get(group, {}), dict[Part, Drawn]()
         for entry in entries:
             columns = columns_of(entry.path, entry.value)
@@ -120,7 +123,7 @@ class Overlay:
         return now != before
 
     def at(self, index: int) -> dict[Part, Drawn]:
-        """What is to be shown over a frame."""
+        """Returns the parts that are shown at a frame."""
         return {part: drawn for part, drawn in self.parts.items() if drawn.index is None or drawn.index == index}
 
 
@@ -138,11 +141,11 @@ class SceneSource(Protocol):
 
     @property
     def expected(self) -> int:
-        """Frames that will be there in a moment."""
+        """Returns the number of frames that are available soon."""
         ...
 
     def opening(self) -> bytes:
-        """Messages with the layout and what holds for the whole run; empty until they are there."""
+        """Returns messages with the layout and the data of the whole run; empty until they are known."""
         ...
 
     def scene(self, index: int) -> Scene: ...
@@ -161,7 +164,7 @@ class SceneSource(Protocol):
 
 
 def components_of(batch: pa.RecordBatch, archetype: str, row: int = 0) -> pa.RecordBatch:
-    """Of a chunk, one row of an archetype's columns, without times and ids."""
+    """Returns one row of a chunk with the columns of an archetype, without times and ids."""
     fields = [
         (i, field)
         for i, field in enumerate(batch.schema)
@@ -173,10 +176,10 @@ def components_of(batch: pa.RecordBatch, archetype: str, row: int = 0) -> pa.Rec
 
 
 class SceneWriter:
-    """Messages for one viewer. It remembers which parts the viewer holds, and writes only those that differ."""
+    """Writes messages for one viewer. It remembers which parts the viewer has, and writes only those that differ."""
 
     def __init__(self, source: SceneSource, *, fresh: bool = True) -> None:
-        """`fresh`: the viewer holds nothing yet; otherwise it is not known what."""
+        """`fresh`: the viewer has no parts yet; otherwise its parts are unknown."""
         self.source = source
         self._lock = Lock()
         self._stream = rr.RecordingStream(APPLICATION, recording_id=source.recording_id, send_properties=False)
@@ -187,7 +190,7 @@ class SceneWriter:
         """Whether the viewer may have parts that are not in `_viewer_parts`."""
 
     def differs(self, scene: Scene) -> bool:
-        """Whether the viewer holds anything else."""
+        """Returns whether the viewer shows anything else than this scene."""
         return self._unknown or self._viewer_parts != self._versions(scene)
 
     def write(self, scene: Scene, serial: int) -> bytes:
@@ -197,7 +200,7 @@ class SceneWriter:
 
     def close(self) -> None:
         with self._lock:
-            self._unread.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
+            self._unread.read(flush_timeout_sec=FLUSH_S)  # otherwise Rerun warns on the terminal of unread data
             self._stream.disconnect()
 
     def _write(self, scene: Scene, serial: int) -> bytes:
@@ -216,7 +219,7 @@ class SceneWriter:
         return messages(self._unread.read(flush_timeout_sec=FLUSH_S))
 
     def _hold(self, versions: Mapping[Part, Hashable]) -> None:
-        """Takes it that the viewer has some value of each of these parts."""
+        """Assumes that the viewer has an unknown value of each of these parts."""
         for part, version in versions.items():
             if (columns := self._shown(part, version)) is not None:
                 self._schemas[part], self._viewer_parts[part] = columns.schema, None
@@ -231,9 +234,7 @@ class SceneWriter:
         return _decoded(columns) if columns is not None and part[1] == IMAGE else columns
 
     def _send(self, columns: pa.RecordBatch) -> None:
-        for chunk in Chunk.from_record_batch(
-            columns, index=None
-        ):  # with ids of its own: the newest static value counts
+        for chunk in Chunk.from_record_batch(columns, index=None):  # with new ids: the newest static value counts
             self._put(chunk)
 
     def _put(self, chunk: Chunk) -> None:
@@ -241,7 +242,7 @@ class SceneWriter:
 
 
 def archetype_of(columns: pa.RecordBatch) -> str:
-    """Of a chunk that was made of one value."""
+    """Returns the archetype of a chunk that was made from one value."""
     return next(field.name.partition(":")[0] for field in columns.schema if ":" in field.name)
 
 

@@ -1,7 +1,7 @@
-"""A file that Rerun writes through a pipe: whatever the disk does, the writer is never made to wait.
+"""A file that Rerun writes through a pipe, so that it never waits for the disk.
 
-Rerun's own file sink waits for ever once the disk refused a write, in `flush` as in `disconnect`. A pipe that is always
-emptied refuses nothing; what the disk does not take is dropped here, and `failure` says so.
+Rerun's own file sink waits for ever after a failed write, in `flush` and in `disconnect`. A pipe that is always emptied
+refuses nothing. Data that cannot be written are discarded here, and `failure` says so.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from .rrd import whole_bytes
 from .streams import pipe_begins, pipe_ends
 
 PIPES = Path("/dev/fd").exists()
-"""Without (Windows) Rerun writes the file itself."""
+"""Whether pipes have names. Without them (Windows) Rerun writes the file itself."""
 _PIECE_BYTES = 1 << 20
 
 
 class PipedFile:
-    """An `.rrd` file and the place that Rerun is to write to."""
+    """An `.rrd` file, and the path `target` to which Rerun writes."""
 
     def __init__(self, path: Path) -> None:
-        """OSError where the file cannot be made."""
+        """Raises OSError where the file cannot be made."""
         self.path = path
         self.failure: OSError | None = None
-        """What ended the file before its writer did. It ends with a whole message then."""
+        """The error that ended the file before its writer did. The file ends with a complete message then."""
         self.progress_s = time.monotonic()
-        """When the disk last took something."""
+        """Time of the last write to the disk."""
         self._thread: Thread | None = None
         self._changed = Condition()
-        """Guards the two below, and is notified of each change."""
+        """Guards `_source` and `_storing`, and is notified of each change."""
         self._source: int | None = None
         """The pipe's end that is read; None without a pipe, and once the writer has closed it."""
         self._storing = False
@@ -53,18 +53,19 @@ class PipedFile:
             self._thread.start()
 
     def opened(self) -> None:
-        """The writer has opened its place, or never will: the file ends when the writer closes it."""
+        """Must be called when the writer has opened `target`, or never will. The file then ends when the writer closes
+        it."""
         if self._thread is not None:
             os.close(self._sink)
 
     def flush(self, timeout_s: float) -> None:
-        """Waits until the disk took what the writer has written so far. TimeoutError where it does not answer."""
+        """Waits until all data of the writer so far are on the disk. TimeoutError where it does not answer."""
         with self._changed:
             if not self._changed.wait_for(self._is_idle, timeout_s):
                 raise TimeoutError("the disk does not answer")
 
     def ended(self, timeout_s: float) -> bool:
-        """Waits for the file's end, once the writer has closed it; whether it came."""
+        """Waits for the file's end after the writer has closed it, and returns whether it came."""
         if self._thread is None:
             self._cut()
             return True
@@ -82,7 +83,8 @@ class PipedFile:
             pipe_ends()
 
     def _next(self, pipe: FileIO) -> bytes:
-        """What comes through the pipe. It counts as being stored before it leaves the pipe: `flush` misses nothing."""
+        """Returns the next bytes of the pipe. They count as being stored before they leave it, so that `flush` waits
+        for them."""
         self._change(pipe.fileno(), storing=False)
         _poll(pipe.fileno(), None)
         self._change(pipe.fileno(), storing=True)
@@ -106,13 +108,13 @@ class PipedFile:
             self.failure = error
 
     def _cut(self) -> None:
-        """Readers refuse a file that ends within a message."""
+        """Cuts the file after its last complete message, because readers refuse others."""
         with suppress(OSError):
             os.truncate(self.path, whole_bytes(self.path))
 
 
 def _poll(pipe: int, timeout_ms: int | None) -> bool:
-    """Waits until a pipe holds something or its writer has closed it, for ever with None; whether that came."""
+    """Waits until a pipe has data or its writer has closed it, with None for ever; returns whether that happened."""
     poll = select.poll()
     poll.register(pipe, select.POLLIN)
     return bool(poll.poll(timeout_ms))

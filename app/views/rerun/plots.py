@@ -23,13 +23,13 @@ from ...presentation.texts import ALIGNED
 from .batch import Columns, Entry
 
 NO_ERROR = "plots/error/none"
-"""Where it stands why there is no position error."""
+"""Entity of the text that says why there is no position error."""
 LEAST_STEP_M = 0.05
-"""Shorter true steps have no ratio: it would be noise."""
+"""Least true step for which a scale ratio is computed: that of a shorter one would be noise."""
 
 
 class Plots:
-    """Follows one run."""
+    """Draws the curves of one run."""
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
@@ -37,7 +37,7 @@ class Plots:
         """Methods that estimate their scale drift."""
         single = opened.truth is not None and all(registered(m).unit == "own" for m in opened.methods)
         self._aligning = {m: RunningAlignment() for m in opened.methods if single}
-        """Methods whose unit nothing fixes, where there is a truth."""
+        """By method whose unit nothing fixes: its running alignment, if there is a truth."""
         self._stages: dict[str, list[str]] = {m: [] for m in opened.methods}
 
     def opening(self) -> Iterator[Entry]:
@@ -84,15 +84,15 @@ class Plots:
             yield Columns(path, error.estimate, indices, first_ns, error.position_errors_m)
 
     def _newest(self, step: Step) -> Iterator[Entry]:
-        """Of a single camera: how far its newest pose is from the truth, with all its poses so far, as they were given,
-        aligned by Sim(3). At the same cost for each frame: it is made of sums."""
+        """For a single camera: yields the distance of its newest pose from the truth, after an alignment by Sim(3) of
+        all its poses so far, as they were given. Each frame costs the same, because the alignment uses sums."""
         running, truth = self._aligning.get(step.method), self._opened.truth
         pose = truth.at(step.time_ns) if truth is not None else None
         if running is None or pose is None or step.world_from_frame is None:
             return
         true = (pose @ self._opened.sequence.rig.rig_from(step.frame)).translation
         if step.restarted:
-            running = self._aligning[step.method] = RunningAlignment()  # another world, in another unit
+            running = self._aligning[step.method] = RunningAlignment()  # the new segment has another world and unit
         running.add(step.world_from_frame.translation, true)
         if running.count >= FIRST:
             away = running.target_from_source.apply(step.world_from_frame.translation) - true
@@ -129,7 +129,7 @@ class Plots:
             yield Entry(f"plots/ms/{method}", rr.Scalars(1e3 * np.array(values)))
 
     def _step_of_truth(self, step: Step, model: RunModel, placement: Similarity) -> float | None:
-        """Distance covered in the last second over the true one."""
+        """Returns the distance moved in the last second, divided by the true one."""
         earlier = model.methods[step.method].poses.second_before(model.times, step.time_ns)
         truth, rig = self._opened.truth, self._opened.sequence.rig
         if earlier is None or truth is None or step.world_from_frame is None:
@@ -144,14 +144,14 @@ class Plots:
 
 
 def why_no_error(opened: Opened) -> str:
-    """Why a run has no position error to plot; empty where it has."""
+    """Returns why a run has no position error to plot; empty where it has one."""
     if opened.truth is None:
         return "No position error: this source has no ground truth."
     return ""
 
 
 def _name(method: str) -> str:
-    """As people read it."""
+    """Returns the method's name for people."""
     return method.replace("_", " ")
 
 
@@ -160,7 +160,7 @@ def _series(name: str, colour: colours.Rgb, width: float = 1.5) -> rr.SeriesLine
 
 
 def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
-    """The total in the method's colour, its stages in colours of their own."""
+    """Returns lines of the total in the method's colour, and of its stages in other colours."""
     return rr.SeriesLines(
         names=[_name(method), *(f"{_name(method)}: {stage}" for stage in stages)],
         colors=[colours.of(method), *(colours.stage(i) for i in range(len(stages)))],
@@ -169,7 +169,7 @@ def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
 
 
 def _drift_series(method: str) -> rr.SeriesLines:
-    """What the unit may have become since the start, one standard deviation up and down."""
+    """Returns lines of the scale drift since the start, plus and minus one standard deviation."""
     colour = colours.shade(colours.of(method), (128, 128, 128), 0.7)
     names = [f"{_name(method)}: scale drift, {side} sigma" for side in ("+1", "-1")]
     return rr.SeriesLines(names=names, colors=[colour, colour], widths=[1.0, 1.0])

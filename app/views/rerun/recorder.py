@@ -1,4 +1,4 @@
-"""Events of a run -> what Rerun shall show. No stream is touched here: see streams.py.
+"""Turns events of a run into entities of Rerun. It uses no stream: see streams.py.
 
 Entities, below the shared world (the rig at the first stereo frame: x right, y down, z forward):
 
@@ -48,14 +48,14 @@ from .plots import Plots
 from .world import World
 
 START, START_NS = "start", "time_ns"
-"""Where a recording has the time of the first frame."""
+"""Entity and component with the time of the first frame."""
 
 
 class Recorder:
     """Turns the events of one run into batches. It holds the model of the run, and no images."""
 
     def __init__(self, opened: Opened, has_depth: Callable[[], bool] = lambda: False) -> None:
-        """`has_depth`: whether the depth of the pair of a frame is drawn."""
+        """`has_depth` returns whether the depth of a pair is drawn."""
         self.opened = opened
         self.recording_id = opened.recording_id
         self.first_ns = int(opened.sequence.times_ns[0]) if len(opened.sequence) else 0
@@ -64,7 +64,7 @@ class Recorder:
         self._coloured = ColouredTracks(opened.sequence.rig)
         self._recent: dict[str, list[Tracks]] = {}
         self._moving = set[str]()
-        """Cameras in which anything moved by itself so far."""
+        """Cameras in which tracks of moving objects were drawn so far."""
         self._lined = set[str]()
         """Cameras in which lines are drawn now."""
         self._last: dict[str, Step] = {}
@@ -81,7 +81,8 @@ class Recorder:
         return Batch(0, 0, (start, *self._world.opening(), *images, *self._plots.opening()))
 
     def batch(self, event: Event | Bookmark) -> Batch:
-        """What this event adds. Each event once, in their order; bookmarks after those that they mark."""
+        """Returns what this event adds. Call it once for each event, in their order; a bookmark comes after its
+        frame."""
         if isinstance(event, Bookmark):
             text = rr.TextLog(f"bookmark: {event.note}" if event.note else "bookmark")
             return Batch(event.exposure, event.time_ns - self.first_ns, (Entry("log/bookmarks", text),))
@@ -105,7 +106,8 @@ class Recorder:
         yield Entry("decisions", rr.TextDocument(self._summary(), media_type="text/markdown"))
 
     def _images(self, event: Stepped) -> Iterator[Entry]:
-        """Of a frame without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
+        """Yields images and tracks of a frame. If it came without its image (see history/feed.py), the image comes
+        later with `Pictured`."""
         yield from self._pictured(event)
         yield from self._lines(event)
         if event.exposure.kind == CAMERAS:
@@ -124,7 +126,7 @@ class Recorder:
         yield from self._tracks(seen, shown)
 
     def _pictured(self, event: Stepped | Pictured) -> Iterator[Entry]:
-        """Its images, where they can be read (still)."""
+        """Yields the frame's images, if they can (still) be read."""
         name, image = main_image(event.exposure) or ("", None)
         if image is not None and image.size:
             yield Entry(f"{name}/image", entities.jpeg(image))
@@ -137,7 +139,8 @@ class Recorder:
                     yield Entry(f"{image_root(camera)}/image", entities.jpeg(picture))
 
     def _tracks_of_others(self, event: Stepped) -> Iterator[Entry]:
-        """Tracks in the cameras of a rig of any cameras, each of the first method that has any in it."""
+        """Yields tracks in the cameras of a rig of any cameras, for each camera those of the first method that has
+        any."""
         for name in images_of(event.exposure):
             if (seen := _seen(event, name)) is not None:
                 camera = self.opened.sequence.rig.camera(name)
@@ -170,7 +173,7 @@ class Recorder:
             yield Entry("right/tracks", entities.points(entities.in_right(shown), camera))
 
     def _lines(self, event: Stepped) -> Iterator[Entry]:
-        """Of the first method that draws any in a camera of this frame."""
+        """Yields the lines of the first method that has any in a camera of this frame."""
         for camera in images_of(event.exposure):
             found = next((s.lines[camera] for s in event.steps if len(s.lines.get(camera, ()))), None)
             if found is not None:
@@ -198,6 +201,6 @@ class Recorder:
 
 
 def _seen(event: Stepped | Pictured, camera: FrameName) -> Seen | None:
-    """The tracks that a method, or one inside it, has in this camera."""
+    """Returns the tracks that a method, or one inside it, has in this camera."""
     step = next((s for s in with_parts(event.steps) if camera in s.tracks), None)
     return None if step is None else Seen(event.index, step, camera, step.tracks[camera])

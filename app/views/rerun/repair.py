@@ -1,4 +1,5 @@
-"""Recordings whose writer was killed, or whose disk was full: they get their index, and their name."""
+"""Repairs recordings whose writer was killed, or whose disk was full: it adds their index, and gives them their
+name."""
 
 from __future__ import annotations
 
@@ -23,15 +24,17 @@ PATIENCE_S = 3600.0
 
 
 def unfinished(folder: Path) -> list[Path]:
-    """The recordings in a folder that were not closed, those that are being written among them. OSError as of it."""
+    """Returns the recordings in a folder that were not closed, including those that are being written. OSError where
+    the folder cannot be read."""
     files = sorted(path for path in folder.iterdir() if path.suffix == ".rrd" and path.is_file())
     return [path for path in files if path != whole_of(path) or not is_finished(path)]
 
 
 def finish(path: Path) -> Path | None:
-    """Gives a recording its index, and a hidden one its name; where it is then, None where it held nothing and is gone.
+    """Gives a recording its index, and a hidden one its name. Returns its path, or None where it was empty and is
+    removed.
 
-    InputError where it is still being written, or the disk does not take it; the file stays then.
+    InputError where it is still being written, or the disk is full; the file is unchanged then.
     """
     if path.is_symlink():
         raise InputError(f"{path} is a link: repair the file that it leads to, or remove it")
@@ -66,9 +69,9 @@ def _finish(path: Path, final: Path) -> Path | None:
 
 
 def _copy(source: Path, copy: Path) -> None:
-    """Every message of one file into another, which is closed properly."""
+    """Copies every message of one file into another, and closes that properly."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rr.error_utils.RerunWarning)  # that there is no index is why we are here
+        warnings.simplefilter("ignore", rr.error_utils.RerunWarning)  # the missing index is what is repaired here
         entry = next(iter(RrdReader(source).recordings()), None)
     if entry is None:
         raise InputError(f"{source} holds no exposure: delete it")
@@ -78,7 +81,7 @@ def _copy(source: Path, copy: Path) -> None:
         stream.save(file.target)
     finally:
         file.opened()
-    with silenced():  # Rerun says on standard error what it cannot decode; we say it below
+    with silenced():  # Rerun prints decoding errors on standard error; they are reported below
         stream.log_file_from_path(source)
         stream.flush(timeout_sec=PATIENCE_S)
         stream.disconnect()

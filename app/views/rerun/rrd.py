@@ -1,8 +1,9 @@
-"""The frame of Rerun's `.rrd` streams, as far as it takes to join several into one: a viewer reads the first one only.
+"""The container format of Rerun's `.rrd` streams, as far as it is needed to join several streams into one, because a
+viewer reads only the first.
 
     stream = HEADER  message*  end          message = kind (8 bytes)  size (8 bytes)  content, little-endian
 
-The end holds an index (two thirds of a small stream); a viewer that is fed piece by piece does without.
+The end has an index (two thirds of a small stream), which a viewer that is fed piece by piece does not need.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ispom.io.files import read_head
 
 _HEADER_BYTES = 12
 MOST_BYTES = 1 << 30
-"""Of a message; that of a 4K image is a hundredth of it."""
+"""Most bytes of a message; that of a 4K image has a hundredth of it."""
 _HEAD = struct.Struct("<QQ")
 _END, _DATA = 0, 2
 _LAST = b"RRF2FOOT\x01\0\0\0"
@@ -28,7 +29,7 @@ _LAST = b"RRF2FOOT\x01\0\0\0"
 
 
 def messages(stream: bytes | None) -> bytes:
-    """What is between a stream's header and its end; None is an empty stream."""
+    """Returns the messages between a stream's header and its end; `stream` None is an empty stream."""
     if not stream:
         return b""
     at = _HEADER_BYTES
@@ -48,7 +49,7 @@ def _header() -> bytes:
 
 
 HEADER = _header()
-"""What every stream of this version begins with."""
+"""The first bytes of every stream of this version."""
 
 
 def require_readable(path: Path) -> None:
@@ -72,7 +73,7 @@ def require_readable(path: Path) -> None:
 def whole_bytes(path: Path) -> int:
     """Length of the file's whole messages; 0 where it is no stream. OSError where it cannot be read.
 
-    An end without its index is none: it is what zeros look like, of which a sparse file may hold a terabyte.
+    An end without an index does not count: zeros look like one, and a sparse file may have a terabyte of them.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -126,8 +127,8 @@ def chunk_at(file: BinaryIO, start: int) -> pa.RecordBatch:
 
 
 def uncompressed(content: bytes) -> bytes:
-    """The messages of a stream (as `messages` gives them) with their Arrow data as it is, for a file that is compressed
-    as a whole."""
+    """Returns the messages of a stream (from `messages`) with uncompressed Arrow data, for a file that is compressed as
+    a whole."""
     found, at = list[bytes](), 0
     while at < len(content):
         kind, size = _HEAD.unpack_from(content, at)

@@ -35,9 +35,9 @@ from .tape import Tape
 
 TIMELINE = "exposure"
 CACHE_BYTES = 64 << 20
-"""Of chunks that were decoded last; the parts of neighbouring frames lie in the same ones."""
+"""Memory for the chunks that were decoded last. Parts of neighbouring frames are in the same chunks."""
 HEAD_BYTES = 16
-"""Of a message; the index of a file has the places behind it."""
+"""Length of a message's head; the index of a file has the positions after it."""
 
 
 _Message = tuple[BinaryIO, int, int]
@@ -48,23 +48,24 @@ _Message = tuple[BinaryIO, int, int]
 class _Chunk:
     file: BinaryIO
     start: int
-    """Of its message."""
+    """Position of its message in the file."""
 
 
 @dataclass
 class _Values:
-    """Of one part, in the order of the file: its chunks and the first frame of each."""
+    """The values of one part, in the order of the file: its chunks and the first frame of each."""
 
     chunks: list[_Chunk] = field(default_factory=list)
     firsts: list[int] = field(default_factory=list)
 
 
 class StoredTape:
-    """Reads as a Tape does. Files of one recording follow each other."""
+    """A finished recording that is read like a Tape. It may consist of several successive files."""
 
     def __init__(self, *paths: Path, kinds: Sequence[Kind] = (), layout: Callable[[str], bytes] | None = None) -> None:
-        """`kinds` of the frames, where they are known; `layout` gives, for the id of the recording, the `.rrd` messages
-        of one that takes the place of its own. InputError where a file is no finished recording of this version."""
+        """`kinds` are those of the frames, where they are known. `layout` returns, for the id of the recording, the
+        `.rrd` messages of a layout that replaces the recorded one. InputError where a file is no finished recording of
+        this version."""
         self.run = uuid4().hex
         self.overlay = Overlay()
         self.recording_id = ""
@@ -121,7 +122,7 @@ class StoredTape:
         return Scene(index, versions)
 
     def request(self, index: int) -> None:
-        """Nothing is missing that could come."""
+        """Does nothing: a recording has all its images."""
 
     def value(self, part: Part, version: object) -> pa.RecordBatch | None:
         """The part's columns, of one row."""
@@ -150,8 +151,8 @@ class StoredTape:
         self._opening += [(file, begin, end) for begin, end in pairwise(starts) if begin not in over_time]
 
     def _index(self, path: Path, file: BinaryIO) -> set[int]:
-        """Notes what the recording's index says of the parts of frames; where the messages of all that is logged over
-        time begin."""
+        """Stores where the parts of frames are, by the recording's index. Returns the positions of all messages with
+        data that are logged over time."""
         recording = next(iter(RrdReader(path).recordings()), None)
         if recording is None:
             return set()
@@ -196,7 +197,7 @@ class StoredTape:
         return over_time
 
     def _latest(self, part: Part, values: _Values, index: int) -> tuple[int, tuple[_Chunk, int]] | None:
-        """The last value up to a frame: from which frame it is, and where."""
+        """Returns the last value up to a frame: its frame, its chunk, and its row."""
         for at in range(bisect_right(values.firsts, index) - 1, -1, -1):
             chunk = values.chunks[at]
             frames = self._frames(chunk, part[1])
@@ -207,7 +208,7 @@ class StoredTape:
         return None
 
     def _frames(self, chunk: _Chunk, archetype: str) -> np.ndarray:
-        """Of each row its frame; -1 where it has nothing of the archetype."""
+        """Returns the frame of each row; -1 where it has no values of the archetype."""
         batch = self._batch(chunk)
         frames = batch.column(TIMELINE).to_numpy().astype(np.int64)
         filled = np.zeros(len(frames), bool)
@@ -229,14 +230,14 @@ class StoredTape:
 
 
 class BegunTape:
-    """The tape of a run whose first frames are those of a recording until their own are there. A viewer sees one run:
-    what differs of a frame takes the place of what was recorded of it."""
+    """The tape of a run whose first frames are those of a recording until they are computed. A viewer sees one run: the
+    parts of a computed frame replace the recorded ones."""
 
     def __init__(self, tape: Tape, recorded: StoredTape) -> None:
         self._tape, self._recorded = tape, recorded
         self.run, self.recording_id, self.overlay = tape.run, tape.recording_id, tape.overlay
         self.frames_seen, self._index = 0, -1
-        """How often a viewer was given another frame."""
+        """How often a viewer got another frame, and the last frame."""
 
     @property
     def end(self) -> int:
@@ -251,7 +252,7 @@ class BegunTape:
         return self._tape.opening()
 
     def scene(self, index: int) -> Scene:
-        """What is to be shown of a frame: as it was recorded until its own images are there."""
+        """Returns the parts of a frame: the recorded ones until its own images are available."""
         if index != self._index:
             self.frames_seen, self._index = self.frames_seen + 1, index
         scene = self._tape.scene(index) if index < self._tape.end else None

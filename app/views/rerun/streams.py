@@ -1,4 +1,4 @@
-"""Batches of a run -> a Rerun stream, wherever that leads."""
+"""Sends the batches of a run to a Rerun stream."""
 
 from __future__ import annotations
 
@@ -15,27 +15,28 @@ APPLICATION = "ispom"
 
 _gate = Lock()
 _pipes: list[None] = []
-"""One entry for each stream that leads into a pipe which a thread of this program empties; guarded by the lock."""
+"""One entry for each stream that writes into a pipe which a thread of this program empties; guarded by the lock."""
 
 
 def pipe_begins() -> None:
-    """A stream is about to lead into a pipe of this program."""
+    """Must be called before a stream writes into a pipe of this program."""
     with _gate:
         _pipes.append(None)
 
 
 def pipe_ends() -> None:
-    """Nothing comes through that pipe any more."""
+    """Must be called when no stream writes into that pipe any more."""
     with _gate:
         _pipes.pop()
 
 
 def release_streams() -> None:
-    """Ends the threads of the streams that nobody holds any more, two for each. Rerun itself does so only when it is
+    """Ends the threads of streams without references, two for each. Rerun itself does so only when it is
     initialised again.
 
-    Not while a stream leads into a pipe: Rerun flushes all streams for this, with its list of them locked. A thread
-    that makes a stream waits for that list and holds Python's lock, without which nobody empties the pipe.
+    It does nothing while a stream writes into a pipe, which could be a deadlock: Rerun flushes all streams for this,
+    and locks its list of them. A thread that makes a stream waits for that list and keeps Python's lock, without which
+    no thread can empty the pipe.
     """
     with _gate:
         if not _pipes:

@@ -1,4 +1,4 @@
-"""The bytes of one run for the viewers in browsers: kept on disk, read from any place at any pace."""
+"""The bytes of one run for the viewers in browsers. They are on disk, and readers can begin anywhere."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from ispom.types import Kind
 from .parts import CLEAR, IMAGE, Overlay, Part, Scene, archetype_of, camera_of, components_of, latest_of_each_camera
 
 IMAGE_BYTES = 1 << 30
-"""Images that are kept; the oldest go first, and are read from the sequence again. All else stays."""
+"""Memory on disk for images. The oldest ones are discarded and read from the sequence again; all other data stay."""
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """Where some bytes are."""
+    """The file and position of some bytes."""
 
     file: BinaryIO
     offset: int
@@ -34,7 +34,7 @@ class _Piece:
 
 @dataclass
 class _Values:
-    """Of one part: its values by the frames from which on they hold."""
+    """The values of one part, by the frames from which on they hold."""
 
     frames: list[int] = field(default_factory=list)
     pieces: list[_Piece] = field(default_factory=list)
@@ -49,7 +49,7 @@ class _Values:
 
 
 class Tape:
-    """Append-only. Its files have no name: they are gone when the process is, however it ends.
+    """The tape of one run, to which frames are only appended. Its files have no name, so they vanish with the process.
 
     A viewer gets its opening, and then the parts of the frame that it shows.
     """
@@ -64,8 +64,9 @@ class Tape:
         expected: Callable[[], int] = lambda: 0,
         request: Callable[[int], None] = lambda _: None,
     ) -> None:
-        """`kinds` are those of the frames, `expected` so many are known already, and `request` asks for the images of
-        one. OSError where `folder` (by default the user's cache) cannot be written."""
+        """`kinds` returns the kinds of the frames, `expected` the number of frames that are known already, and
+        `request` requests the images of a frame. OSError where `folder` (by default the user's cache) cannot be
+        written."""
         self.run, self.recording_id = uuid4().hex, recording_id
         self.overlay = Overlay()
         self._kinds, self._expected, self._request = kinds, expected, request
@@ -80,7 +81,7 @@ class Tape:
         self._clears: dict[str, list[int]] = {}
         """By path, the frames from which on it has no values."""
         self._bare = set[int]()
-        """Frames that came without the images that they have."""
+        """Frames whose images have not come yet."""
         self._end = 0
 
     def open(self, opening: bytes) -> None:
@@ -109,7 +110,8 @@ class Tape:
             self._parts.setdefault((path, archetype), _Values()).put(frame, piece)
 
     def came(self, frame: int, *, bare: bool = False) -> None:
-        """All parts of a frame were put, and those of all before; `bare`: its image is still to come."""
+        """Must be called when all parts of a frame, and of all frames before, were put. `bare`: its image comes
+        later."""
         with self._lock:
             (self._bare.add if bare else self._bare.discard)(frame)
             self._end = max(self._end, frame + 1)
@@ -138,7 +140,7 @@ class Tape:
         return Scene(index, {p: v for p, v in versions.items() if p not in lost}, missing or bool(lost))
 
     def _holds(self, part: Part, frame: int, index: int, cameras: Mapping[str, int]) -> bool:
-        """Whether the value of a frame is to be shown at a later one."""
+        """Returns whether the value of a frame is shown at a later one."""
         path, _ = part
         if (camera := camera_of(path)) is not None and frame != cameras.get(camera):
             return False

@@ -1,4 +1,4 @@
-"""The 3-D part of a recording: poses, paths, keyframes, clouds and how well poses are known, below /world."""
+"""The 3-D part of a recording, below /world: poses and their uncertainty, paths, keyframes, and point clouds."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from .batch import Columns, Entry
 from .external_trajectories import ExternalTrajectoryLog
 
 MAP_EVERY = 10
-"""Frames between two drawings of a method's keyframes and points: they are most of what a viewer has to hold."""
+"""Number of frames after which a method's keyframes and points are drawn again. They take most of a viewer's memory."""
 PATH_PX, POINT_PX, ERROR_PX, CAMERA_PX, KEY_FRAME_PX = 1.0, 1.25, 1.25, 0.6, 0.3
-"""Half widths on the screen: of a path more than of the cameras on it."""
+"""Half widths on the screen; a path is wider than the cameras on it."""
 
 
 class World:
-    """Follows one run; only blocks of paths, keyframes and clouds that changed are drawn again."""
+    """Draws one run. Only blocks of paths, keyframes and clouds that changed are drawn again."""
 
     def __init__(self, opened: Opened, first_ns: int) -> None:
         self._opened, self._first_ns = opened, first_ns
@@ -40,7 +40,7 @@ class World:
         self.placements: dict[str, Similarity] = {}
         self._sizes: dict[str, DrawnSize] = {}
         self._drawn_frames: dict[str, FrameName] = {}
-        """Of the cameras that are drawn now."""
+        """By method: the frame of the cameras that are drawn now."""
         self._drawn_points = {m: PointMap() for m in opened.methods}
         self._drawn_keys: dict[str, PoseHistory] = {}
         """Poses that the keyframes were drawn from."""
@@ -53,15 +53,16 @@ class World:
         self._lined: set[str] = set()
         """Methods whose lines are drawn now."""
         self._frustum_lines: dict[tuple[FrameName, float, bool], Array] = {}
-        """A handful, kept: not by `functools.cache`, which would hold every run that was ever drawn."""
+        """Cache of a few outlines. `functools.cache` would keep references to every run that was ever drawn."""
         self._external_log = ExternalTrajectoryLog(opened)
         self._errors: set[str] = set()
         """Methods whose error is drawn now."""
         rig = opened.sequence.rig
         self._viewing: tuple[str, FrameName] | None = None
-        """The method in whose frustum the image of a camera is drawn: the one that needs most cameras."""
+        """The method in whose frustum an image is drawn, and the camera of the image: the method that uses most
+        cameras."""
         self._view_pose: Pose | None = None
-        """Of that camera in its latest frame, in the method's world; None where it has none."""
+        """Pose of that camera in its latest frame, in the method's world; None without one."""
         if opened.methods and (rig.video or rig.left) is not None:
             most = max(opened.methods, key=lambda m: len(registered(m).sensors))
             self._viewing = most, "video" if rig.video is not None else "left"
@@ -105,7 +106,7 @@ class World:
         yield from self._view(event)
 
     def picture(self, camera: FrameName, image: Image, steps: Iterable[Step]) -> Iterator[Entry]:
-        """The image in the frustum, where that is of this camera and has a pose."""
+        """Yields the image in the frustum, if it is of this camera and has a pose."""
         posed = (s.method for s in steps if s.world_from_frame is not None)
         if self._viewing is not None and self._viewing[1] == camera and self._viewing[0] in posed:
             yield Entry(f"world/view/{self._viewing[0]}/{camera}", entities.thumbnail(image))
@@ -145,8 +146,8 @@ class World:
         return self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
 
     def _place_truth(self, time_ns: int | None) -> Iterator[Entry]:
-        """The true path for a single camera's own, aligned by Sim(3) to its poses so far; at the end (None) to all
-        of them."""
+        """Yields the placement of the true path. For a single camera it is aligned by Sim(3) with the poses so far; at
+        the end (None) with all of them."""
         truth, before = self._opened.truth, self._truth_placed
         found = self._true_path.at(self.model, self.placements, ended=time_ns is None)
         if truth is None or found is None:
@@ -177,11 +178,11 @@ class World:
             if resized or marked or self._drawn_frames.get(method) != frame:
                 self._drawn_frames[method] = frame
                 yield self._camera(method)
-        elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
+        elif self._drawn_frames.pop(method, None):  # a camera that is not removed would look like a pose
             yield Entry(f"world/{method}/camera", rr.Clear(recursive=False))
 
     def _name(self, method: str, pose: Pose) -> Entry:
-        """Of the method, at the end of its path: it stays there when there is no pose."""
+        """Returns the method's name, at the end of its path. It stays there when there is no pose."""
         placed = self.placements.get(method, Similarity())
         number = self._opened.methods.index(method)
         side = -number if number % 2 else 1 + number  # 1, -1, 3, -3: two steps between any two
@@ -207,7 +208,7 @@ class World:
         (self._lined.add if len(step.world_lines) else self._lined.discard)(step.method)
 
     def _error(self, step: Step) -> Iterator[Entry]:
-        """From the pose to the true one at its time, in the method's world."""
+        """Yields the line from the pose to the true one at its time, in the method's world."""
         method, truth, pose = step.method, self._opened.truth, step.world_from_frame
         placed = Similarity() if self._true_path.fixed else self._truth_placed
         true = truth.at(step.time_ns) if truth is not None and placed is not None else None
@@ -223,9 +224,9 @@ class World:
         (self._errors.add if is_drawn else self._errors.discard)(method)
 
     def _view(self, event: Stepped) -> Iterator[Entry]:
-        """Pose and shape of the image in the frustum. In the shared world: Rerun draws no pinhole below a change of
-        scale. It is there from the first frame on, without a size while there is no pose: once the viewer had a pinhole
-        without values, it draws the image no more."""
+        """Yields pose and shape of the image in the frustum. They are in the shared world, because Rerun draws no
+        pinhole below a change of scale. The pinhole exists from the first frame on, without a size while there is no
+        pose, because a viewer that once had a pinhole without values never draws the image again."""
         if self._viewing is None:
             return
         rig, (method, camera) = self._opened.sequence.rig, self._viewing
@@ -281,7 +282,7 @@ class World:
         return self._sizes[method]
 
     def _resized(self, method: str, *, redraw: bool = False) -> bool:
-        """Whether the method is to be drawn in another size, and so from now on."""
+        """Returns whether the method's drawn size changed, and stores the new one."""
         before, unit_m = self._sizes.get(method), self.placements.get(method, Similarity()).scale
         rig, poses = self._opened.sequence.rig, self.model.methods[method].poses
         size = drawn_size(method, rig, self._truth, poses, unit_m, None if redraw else before)

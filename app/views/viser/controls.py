@@ -14,17 +14,17 @@ from ispom.settings import Setting, settings
 
 UNITS = {"px": "px", "m": "m", "s": "s", "ns": "ns", "deg": "°", "rad": "rad", "percent": "%", "ms": "ms"}
 WIDE = 1000.0
-"""A range whose ends differ by more than this factor is typed, not slid."""
+"""Ratio of the ends of a range above which a number is typed instead of chosen by a slider."""
 LABELS = {
     "min_share": "overlap for a keyframe",
     "focal_sigma": "focal length uncertainty",
     "radial_sigma": "distortion uncertainty",
 }
-"""Of settings whose name does not explain itself."""
+"""Labels of settings whose name does not explain itself."""
 
 
 class ConfigForm:
-    """The inputs of one config. `value` is what they say; `show` sets them without calling back."""
+    """The inputs of one config. `value` returns their config; `show` sets them without calling back."""
 
     def __init__(self, gui: viser.GuiApi, config: Any, changed: Callable[[Any], None] = lambda _: None) -> None:
         self._config, self._changed, self._showing = config, changed, False
@@ -47,13 +47,13 @@ class ConfigForm:
             self._showing = False
 
     def offer(self, names: frozenset[str]) -> None:
-        """Only the inputs of these fields; the others keep their values, hidden."""
+        """Shows only the inputs of these fields. The others are hidden and keep their values."""
         for name, handle in self._inputs.items():
             if handle.visible != (name in names):
                 handle.visible = name in names
 
     def _read(self, name: str) -> Any:
-        """What an input says, as its field has it; what is empty or 0 is None where that is possible."""
+        """Returns the value of an input in the type of its field. Empty or 0 is None where the field allows None."""
         kind, value = self._kinds[name], self._inputs[name].value
         inner = _inner(kind)
         if inner is not kind and not value:
@@ -71,13 +71,13 @@ def label_of(name: str) -> str:
 
 
 def unit_of(name: str) -> str:
-    """Of a field's numbers, as its name ends; empty for counts and ratios."""
+    """Returns the unit of a field's numbers, by the end of its name; empty for counts and ratios."""
     _, _, last = name.rpartition("_")
     return UNITS.get(last, "") if last != name else ""
 
 
 def hint_of(setting: Setting) -> str:
-    """What it is, and from where to where it goes, with the unit."""
+    """Returns the help of a setting and its range, with the unit."""
     unit, limits, text = unit_of(setting.name), setting.range, " ".join(setting.help.split())
     if limits is not None:
         return f"{text} ({limits.low:g} to {limits.high:g}{' ' if unit else ''}{unit})"
@@ -91,7 +91,7 @@ def _inner(kind: Any) -> Any:
 
 
 def _shown(value: Any, kind: Any) -> Any:
-    """A field's value as its input shows it."""
+    """Returns a field's value in the form that its input shows."""
     if value is None:
         return 0 if _inner(kind) in (int, float) else ""
     return str(value) if isinstance(value, Path) else value

@@ -1,4 +1,4 @@
-"""Numbers and images as SVG and HTML write them."""
+"""Converts numbers and images to SVG and HTML."""
 
 from __future__ import annotations
 
@@ -31,5 +31,5 @@ def in_view(uv: Array) -> Array:
 
 
 def picture(image: Image, width: int) -> str:
-    """An address that holds the image as JPEG, at most so wide."""
+    """Returns a data URL with the image as JPEG, at most `width` pixels wide."""
     return f"data:image/jpeg;base64,{b64encode(jpeg(image, JPEG_QUALITY, width)).decode()}"

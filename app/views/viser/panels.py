@@ -1,6 +1,6 @@
 """The panels of the left pane, found by listing the features: each `features/NAME/panel.py` has `PANELS`.
 
-Their HTML comes from templates that escape all they are given: names and notes come from files.
+Their HTML comes from templates that escape all values, because names and notes come from files.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def renderer(package: str | None) -> Callable[..., str]:
-    """Returns what renders a template of this package, or a shared one: `render("name.html", key=value)`."""
+    """Returns a function that renders a template of this package, or a shared one: `render("name.html", key=value)`."""
 
     @cache
     def templates() -> Any:
@@ -36,7 +36,8 @@ def renderer(package: str | None) -> Callable[..., str]:
 
 
 class PanelView(Protocol):
-    """A panel on the page. One that also has `refresh(state)` draws there, while its tab is open, what takes long."""
+    """A panel on the page. It may also have `refresh(state)`, which does slow drawing and is called only while its tab
+    is open."""
 
     def show(self, state: State) -> None:
         """Shows another state."""
@@ -45,10 +46,10 @@ class PanelView(Protocol):
 
 @dataclass(frozen=True)
 class Panel:
-    """Where a panel is, and what makes it."""
+    """The place of a panel, and the function that makes it."""
 
     tab: str
-    """The name of its tab; empty for above the tabs."""
+    """The name of its tab; empty for a panel above the tabs."""
     place: int
     """Tabs and panels are in the order of their places."""
     make: Callable[[viser.GuiApi, Session], PanelView]

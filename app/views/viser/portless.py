@@ -1,7 +1,7 @@
-"""viser without a port: the page's server hands it connections, and nobody else can.
+"""viser without a port: only the page's server can pass connections to it.
 
 viser has no option for that. Its server is built with a stand-in for `websockets`' listener, which keeps the function
-that serves one connection instead of listening; `Connection` is what that function needs of a connection.
+that serves one connection instead of listening. `Connection` has the methods that this function needs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 """viser's page, in one file."""
 WAITING = 64
-"""Messages of a page that wait for viser, before the page has to wait."""
+"""Most messages of a page that wait for viser; after that the page must wait."""
 Handler = Callable[["Connection"], Coroutine[Any, Any, None]]
 Send = Callable[[bytes], Coroutine[Any, Any, None]]
 
@@ -49,7 +49,8 @@ class Connection:
             raise ConnectionClosedOK(None, None) from gone
 
     async def close(self, code: int = 1000, reason: str = "") -> None:
-        """viser is done with the page: its handler returns next, which is what closes it."""
+        """Called when viser has finished with the page. It does nothing: viser's handler returns next, which closes the
+        connection."""
 
 
 class PageLine:
@@ -58,29 +59,29 @@ class PageLine:
     def __init__(self, connection: Connection, handler: Handler, viser_loop: asyncio.AbstractEventLoop) -> None:
         self._connection, self._loop = connection, viser_loop
         self.served = asyncio.wrap_future(asyncio.run_coroutine_threadsafe(handler(connection), viser_loop))
-        """Done when viser is done with the page, with an exception where it could not read what the page sent."""
+        """Finished when viser has finished with the page; with an exception where it could not read a message."""
 
     async def put(self, data: bytes) -> None:
-        """A message of the page. Waits while viser lags, but not for a viser that is done."""
+        """Passes on a message of the page. It waits while viser lags, but not after viser has finished."""
         putting = asyncio.run_coroutine_threadsafe(self._connection.arrived.put(data), self._loop)
         await asyncio.wait({asyncio.wrap_future(putting), self.served}, return_when=asyncio.FIRST_COMPLETED)
 
     def hang_up(self) -> None:
-        """The page is gone."""
+        """Must be called when the page is gone."""
         self.served.cancel()
 
 
 def understood(data: bytes) -> bool:
-    """Whether viser can read a message of a page. What it cannot read would end in a traceback on the terminal."""
+    """Returns whether viser can read a message of a page. An unreadable one would print a traceback on the terminal."""
     try:
         _messages.Message.deserialize(data)
-    except Exception:  # it looks at nothing that it is sent: whatever Python raises for wrong kinds
+    except Exception:  # viser does not check messages, so wrong types can raise anything
         return False
     return True
 
 
 def _note_fault(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """One line for what viser's own handlers did not expect of a page."""
+    """Logs one line about a message of a page that viser's handlers did not expect."""
     fault = context.get("exception")
     log.warning("a message of a page was not understood (%s)", type(fault).__name__ if fault else context["message"])
 
@@ -104,7 +105,7 @@ class PortlessViser:
 
 @contextmanager
 def _no_listener() -> Iterator[list[Handler]]:
-    """Where viser's server starts to listen, its handler of connections is kept instead."""
+    """In this context, viser's server does not listen; the handler of its connections is stored instead."""
     handlers: list[Handler] = []
 
     @asynccontextmanager

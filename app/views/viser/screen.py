@@ -1,4 +1,4 @@
-"""viser's side of the page: the panels, painted from the session's state by a thread of its own."""
+"""viser's side of the page: the panels. A thread paints them from the session's state."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .portless import PortlessViser
 
 log = logging.getLogger(__name__)
 NOTICE_S = 6.0
-"""How long the sentence that nothing is open yet stays, as in the page (notices.js)."""
+"""Time for which the notice that no source is open is shown, as in the page (notices.js)."""
 PAINT_S = 1 / 30
 PLAYING_S = 0.1
-"""Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
+"""Interval between two updates of the panels during playing: for each, the browser draws the whole page."""
 
 
 class Screen:
@@ -29,7 +29,7 @@ class Screen:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        rich.get_console().quiet = True  # viser's banner names a port that is nobody's business
+        rich.get_console().quiet = True  # viser's banner names a port that does not exist
         self.viser = PortlessViser("ISPOM")
         self.server = self.viser.server
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(52, 148, 208))
@@ -52,11 +52,11 @@ class Screen:
 
     @property
     def tabs(self) -> frozenset[str]:
-        """Names of all tabs; the empty one is what stands above them."""
+        """Returns the names of all tabs; the empty name is the area above them."""
         return frozenset(self._by_tab)
 
     def show_tabs(self, open_tabs: frozenset[str]) -> None:
-        """Which tabs anybody has open: what nobody sees is not drawn."""
+        """Sets the tabs that any page has open; other tabs are not drawn."""
         self._open_tabs = open_tabs
 
     def close(self) -> None:
@@ -77,18 +77,19 @@ class Screen:
         return tabs
 
     def add(self, tab: str, view: PanelView) -> None:
-        """A panel is shown in this tab, below those that are there."""
+        """Adds a panel to a tab, below the panels that it has."""
         self.panels.append(view)
         self._by_tab.setdefault(tab, []).append(view)
 
     def _add_action(self, gui: viser.GuiApi, action: Action) -> viser.CommandHandle:
-        """An entry of the palette. Its key is the page's (keyboard.js): two that listen would step twice."""
+        """Adds an entry to the palette. The page (keyboard.js) handles its key: two handlers would step twice."""
         entry = gui.add_command(action.label, description=f"{action.hint} Key: {action.key}")
         entry.on_trigger(lambda event: self._act(event, action))
         return entry
 
     def _act(self, event: viser.CommandEvent, action: Action) -> None:
-        """While a source is being opened there is nothing to move in yet; later it would come as a surprise."""
+        """Executes an action, except while a source is being opened: there is no run to move in, and a later move would
+        be a surprise."""
         if self._session.state.phase != "opening":
             self._session.post(action.command)
         elif event.client is not None:
@@ -96,7 +97,7 @@ class Screen:
             event.client.add_notification("Not open yet", text, auto_close_seconds=NOTICE_S)
 
     def _cover(self, covers: bool) -> None:
-        """Hides what gives the answer to an open question."""
+        """Hides panels that show the answer to an open question."""
         folders = [getattr(view, "folder", self._tabs) for view in self._by_tab.get("", [])]
         for handle in (*folders, self._tabs):
             if handle.visible == covers:
@@ -107,21 +108,21 @@ class Screen:
             self.paint_or_report()
 
     def paint_or_report(self) -> None:
-        """A part that cannot be painted costs that part, not the screen."""
+        """Paints the screen. If a part fails, the other parts are painted all the same."""
         try:
             self.paint()
         except Exception as fault:
             self._report(f"{type(fault).__name__}: {fault}")
 
     def _report(self, fault: str) -> None:
-        """Reports a fault, once as long as it stays the same: what can be painted is painted again and again."""
+        """Reports a fault once, as long as it stays the same, because parts are painted repeatedly."""
         if fault != self._fault:
             self._fault = fault
             log.exception("painting failed")
             self._session.post(do.Notify(f"Some controls could not be updated ({fault}); the run continues."))
 
     def paint(self) -> None:
-        """Brings the panels up to date that somebody sees."""
+        """Updates the panels that somebody sees."""
         state = self._session.state
         seen, open_tabs = covered(state), [tab for tab in self._by_tab if not tab or tab in self._open_tabs]
         if state is not self._state and (not state.playing or time.monotonic() >= self._due_s):

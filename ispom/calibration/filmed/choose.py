@@ -19,17 +19,17 @@ THUMBNAIL = (64, 48)
 NEW = 6.0
 """Mean difference [grey levels] of thumbnails, after their means are subtracted, from which on a frame is new."""
 WINDOW = 5
-"""Among so many frames that follow each other, or fewer where there are not many, the sharpest stands for all."""
+"""Number of successive frames of which only the sharpest is used; fewer where a film has not many frames."""
 
 NEIGHBOURS = 2
-"""Images before an image, and as many after it, that show how the camera moved in it,"""
+"""Images before an image, and as many after it, that show how the camera moved in it."""
 MOST_MOVING = 40
-"""for so many of the images."""
+"""Most images for which the motion of the camera is measured by their neighbours."""
 
 
 def best_frames(source: Source, most: int, step: Callable[[], None] = lambda: None) -> list[int]:
-    """Returns indices, increasing, of at most so many images; of a folder that has no more, all of them. `step` is
-    called after each image that is looked at."""
+    """Returns increasing indices of at most `most` images; of a folder with no more images, all of them. `step` is
+    called after each image that is examined."""
     if not source.is_film and len(source) <= most:
         return list(range(len(source)))
     looked = np.unique(np.linspace(0, len(source) - 1, min(len(source), LOOKED_AT)).astype(int))

@@ -95,7 +95,7 @@ def filmed(
 
 
 def is_new(found: Detection, seen: list[Detection], width: int) -> bool:
-    """Returns whether no earlier view has its points nearly there, in images of so many pixels width."""
+    """Returns whether no earlier view has its points at nearly the same positions, in images of `width` pixels."""
     for other in seen:
         _, mine, theirs = np.intersect1d(found.ids, other.ids, return_indices=True)
         away = np.linalg.norm(found.uv[mine] - other.uv[theirs], axis=1)

@@ -66,7 +66,8 @@ def recording_of(paths: tuple[Path, ...]) -> Sequence:
 def moved_rig(sequence: Sequence, path: Path, clock_within_s: float, bar: Bar = no_bar) -> FromMotion:
     """Runs everything over the recording that was opened from a path.
 
-    The video's clock is looked for within so many seconds. Raises Redo where the motion does not suffice.
+    `clock_within_s`: largest clock offset of the video that is looked for. Raises Redo where the motion does not
+    suffice.
     """
     left, video, joined = _courses(sequence, bar)
     start = _started(left, video, clock_within_s)

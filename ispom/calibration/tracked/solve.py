@@ -42,7 +42,7 @@ LEAST_PX = 0.1
 CLASS = 3.0
 """Ratio of the errors of two successive classes of tracks."""
 MOST_PX = 20.0
-"""Larger errors count as so large."""
+"""Largest error that counts; larger ones are reduced to it."""
 SMALL = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
 """A small change of the lens."""
 HALF_STEPS = 25

@@ -1,7 +1,7 @@
-"""How candidates for recognition are examined, for whoever asks: their rules, matches and relative poses.
+"""Trials: how candidates for recognition were examined, with their rules, matches and relative poses.
 
 Loops, joins of segments and relocalisations compare an image with earlier keyframes. Each rule reports its value here.
-In a normal run nobody collects that; results of a step are the same with and without collection.
+In a normal run nobody collects these reports; results of a step are the same with and without collection.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ RULES = (
     LOCALISED,
     BETTER,
 )
-"""Those that are in no Step. Candidates are also put to checks of Steps, as loop_views."""
+"""Rules that are in no Step. Candidates must also pass checks of Steps, such as loop_views."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,10 +171,10 @@ class Matches:
 
 @dataclass(frozen=True, eq=False)
 class RelativePoseFound:
-    """What a candidate measured."""
+    """The relative pose that was measured with a candidate."""
 
     first_from_then: Similarity
-    """In the unit of the earlier keyframe."""
+    """Relative pose in the unit of the earlier keyframe."""
     covariance: Array | None
     """(7, 7) covariance of its right perturbation (rho, phi, ln scale); None where it is not estimated."""
     depth: float
@@ -183,7 +183,7 @@ class RelativePoseFound:
 
 @dataclass(eq=False)
 class Trial:
-    """One candidate, as far as it came in one frame."""
+    """The rules and results of one candidate in one frame."""
 
     kind: TrialKind
     camera: FrameName
@@ -204,7 +204,7 @@ class Trial:
         return self.kind, self.camera, self.first_ns, self.then_ns
 
     def update(self, later: Trial) -> None:
-        """Adds what a later frame found about the same candidate."""
+        """Adds the results of a later frame about the same candidate."""
         self.rules |= later.rules
         self.matches, self.pose = later.matches or self.matches, later.pose or self.pose
         self.accepted |= later.accepted
@@ -231,13 +231,13 @@ def collecting_trials() -> Iterator[Mapping[tuple[TrialKind, FrameName, int, int
 
 
 def is_collecting() -> bool:
-    """Whether what is reported is kept: what takes time to compute is computed then only."""
+    """Returns whether reports are collected. Values that take time are computed only then."""
     return _collected.get() is not None
 
 
 @contextmanager
 def trial(kind: TrialKind, camera: FrameName, first_ns: int, then_ns: int) -> Iterator[None]:
-    """What is reported in this context is about this candidate."""
+    """In this context, reports are about this candidate."""
     if (collected := _collected.get()) is None:
         yield
         return
@@ -291,7 +291,7 @@ def report_positions(first: Array, then: Array) -> None:
 
 
 def report_pose(first_from_then: Similarity, covariance: Array | None, depth: float) -> None:
-    """Reports what the current candidate measured, see RelativePoseFound."""
+    """Reports the relative pose of the current candidate, see RelativePoseFound."""
     if (current := _current.get()) is not None:
         current.pose = RelativePoseFound(first_from_then, covariance, float(depth))
 

@@ -52,7 +52,7 @@ class IntegratedConfig:
     """Settings of the integration (section 6.3)."""
 
     interpolation: Interpolation = "bspline"
-    """Of video positions at the times of stereo frames; rotations are interpolated spherically."""
+    """How video positions are interpolated at the times of stereo frames. Rotations are interpolated spherically."""
     min_segment_m: Annotated[float, Range(0, 10)] = 0.02
     """A shorter segment gives no ratio of lengths: its positions come from the stereo poses alone."""
 
@@ -224,7 +224,7 @@ class IntegratedState:
     """What is kept from frame to frame."""
 
     metric: tuple[tuple[int, Pose], ...] = ()
-    """(time_ns, world_from_rig) of the stereo poses from the one before the open segment on."""
+    """(time_ns, world_from_rig) of the stereo poses, beginning with the last one before the open segment."""
     opened_ns: int | None = None
     """Start time of the open segment."""
     video: Trajectory = field(default_factory=lambda: Trajectory.empty("video"))
@@ -236,7 +236,7 @@ class IntegratedState:
     frames_ns: tuple[int, ...] = ()
     """Times of the video frames from the open segment on, with a pose or without."""
     interval: FrameInterval = FrameInterval()
-    """Between video frames."""
+    """Interval between video frames."""
     scale: float | None = None
     """Metres per unit of the video in the last closed segment."""
     poses: PersistentList[Trajectory] = PersistentList()
@@ -244,7 +244,7 @@ class IntegratedState:
 
     @property
     def margin_ns(self) -> int:
-        """How long before a segment video poses are kept."""
+        """Returns the time before a segment for which video poses are kept."""
         return max(MARGIN_NS, MARGIN_FRAMES * (self.interval.median_ns or 0))
 
 

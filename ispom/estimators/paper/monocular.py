@@ -109,9 +109,10 @@ class MonocularConfig:
     min_parallax_deg: Annotated[float, Range(0.05, 20), WorthTrying((2, 0.5))] = 0.5
     """Median displacement since the last keyframe, without that of its rotation, that makes the next one."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.6
-    """A keyframe is taken early, before a smaller share of the last one's points is left."""
+    """Least share of the last keyframe's points that must be left; a keyframe is taken early, before fewer are left."""
     min_common: Annotated[int, Range(12, 1000)] = 30
-    """With fewer points common to three keyframes no triple is solved: the camera is lost, a new segment starts."""
+    """Least number of points common to three keyframes. With fewer no triple is solved: the camera is lost, and a new
+    segment starts."""
     max_error_px: Annotated[float, Range(0.2, 10), WorthTrying((2,))] = 1.5
     """Largest distance from the epipolar line, and largest reprojection error."""
     min_angle_deg: Annotated[float, Range(0, 10)] = 0.8
@@ -229,7 +230,7 @@ class StepScale:
     length: float
     """|T23| by the chosen formula, in the world's unit: the next triple's |T12|."""
     bias: float = 1.0
-    """That length relative to |T13 - T12|."""
+    """Ratio of that length to |T13 - T12|."""
 
     def with_length_from(self, keys: tuple[TrackedFrame, ...]) -> StepScale:
         """Takes the length from the last two of the adjusted keyframes, and keeps the bias of the formula."""
@@ -369,14 +370,14 @@ class MonocularState:
     next_id: int = 0
     window: KeyframeWindow = KeyframeWindow()
     step_scale: StepScale | None = None
-    """What the next triple takes its scale from."""
+    """The scale for the next triple."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """Final poses, (time_ns, world_from_camera)."""
 
 
 @dataclass(frozen=True, eq=False)
 class WindowUpdate:
-    """What a frame changed in the window of keyframes."""
+    """The changes that a frame made to the window of keyframes."""
 
     window: KeyframeWindow
     step_scale: StepScale | None
@@ -540,7 +541,7 @@ def triple_of(
 def transfer_scale(
     triple: Triple, ids: NDArray[np.int64], window: KeyframeWindow, last: StepScale | None, transfer: ScaleTransfer
 ) -> tuple[StepScale, float, tuple[Decision, ...]]:
-    """Returns what the next triple needs, world units per unit of this triple, and the decisions.
+    """Returns the scale for the next triple, the world units per unit of this triple, and the decisions.
 
     As printed ("norm"), |T23| = |T13| - |T12|. That holds only for collinear centres: by the triangle inequality each
     bend makes the next triple too small, and the path of Fig. 8 (line B) converges to a point. "vector" uses

@@ -81,7 +81,7 @@ class StereoConfig:
     inlier_disparity_px: Annotated[float, Range(0.1, 10), WorthTrying((2,))] = 0.7
     """A point is an inlier of the rigid motion where its distance is within the depth error of this disparity error."""
     min_inliers: Annotated[int, Range(6, 500)] = 12
-    """With fewer corresponding points than this the pair is not localised."""
+    """Least number of corresponding points; with fewer the pair is not localised."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail against the last localised one before the next starts a new segment from the last pose."""
 
@@ -183,7 +183,7 @@ class Stereo:
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """The N points of one stereo pair, with what is needed to match them in the next left image."""
+    """The N points of one stereo pair, with the data to match them in the next left image."""
 
     grey: Image
     """The left image."""

@@ -2,8 +2,8 @@
 
 Its State is a value: poses, tracks, and either the state that the program saved, or the frames that it received. If
 the estimator steps from another State than the program's, the program restores what it saved. A program that saves
-nothing is started again and receives all frames from the first. So settings that changed meanwhile act from there in a
-program that saves, and from the start in one that does not.
+nothing is started again and receives all frames from the first. So changed settings take effect from that frame on in a
+program that saves its state, and from the first frame on in one that does not.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class ProgramConfig:
     """Base class of the settings of such a method, which adds a name, a command and the program's own settings."""
 
     name: ClassVar[str] = ""
-    """Of the method."""
+    """Name of the method."""
     command: ClassVar[tuple[str, ...]] = ()
     """The program and its arguments, started without a shell. No setting: no page and no run folder shows it."""
 
@@ -94,7 +94,7 @@ class _Running:
     pipe: Pipe
     described: Description
     mark: bytes = b""
-    """That of its State."""
+    """The mark in the State that the program has now."""
 
 
 class Program:

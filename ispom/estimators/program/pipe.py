@@ -78,7 +78,7 @@ class Pipe:
         with suppress(OSError):
             self._child.requests.close()
         ends = time.monotonic() + ENDING_S
-        with suppress(Empty):  # what it still writes must not keep the thread that reads it
+        with suppress(Empty):  # later output must not block the thread that reads it
             while time.monotonic() < ends and self._read.get(timeout=ENDING_S):
                 pass
         if not self._child.wait(ENDING_S):

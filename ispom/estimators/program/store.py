@@ -33,13 +33,13 @@ class FrameStore:
         self._file: BinaryIO | None = None
         self._end = 0
         self._free: defaultdict[int, list[int]] = defaultdict(list)
-        """By size, the offsets that are free again."""
+        """By size, offsets of freed blocks."""
         self._stored: weakref.WeakValueDictionary[bytes, StoredFrame] = weakref.WeakValueDictionary()
         self._lock = Lock()
 
     @property
     def used_bytes(self) -> int:
-        """Size of the file, without what is free again."""
+        """Returns the size of the file without freed blocks."""
         return self._end - sum(size * len(offsets) for size, offsets in list(self._free.items()))
 
     def keep(self, digest: bytes, content: bytes, budget_mb: int) -> StoredFrame:

@@ -25,4 +25,5 @@ _NAMES = (
     "trifocal",
 )
 SURVEY = {name: f"{__name__}.{name.replace('.', '_')}:METHOD" for name in _NAMES}
-"""Where each is. They run only where they are chosen by name. `fused.tight` is in `fused_tight.py`."""
+"""Module and object of each method, such as `fused.tight` in `fused_tight.py`. They run only if they are chosen by
+name."""

@@ -1,7 +1,7 @@
-"""What the methods of the survey share: the State around a method's own memory, and the Step from its result.
+"""Common parts of the survey's methods: the State around a method's own memory, and the Step from its result.
 
-A method here is a class with `begin` and `process`. Whatever it keeps from frame to frame is its `Memory`, a frozen
-dataclass. Poses, times and stages are kept for it.
+A method here is a class with `begin` and `process`. Its state from frame to frame is its `Memory`, a frozen dataclass.
+The classes here keep poses, times and stages for it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Memory = TypeVar("Memory")
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a method found in one frame."""
+    """The result of a method for one frame."""
 
     pose: Pose | None = None
     """world_from_frame; None where the frame was not located."""
@@ -52,7 +52,7 @@ class Result:
     """(6, 6) of the twist on the right of the pose."""
     key_frame: bool = False
     lines: dict[str, ImageLines] = field(default_factory=dict)
-    """By camera name, what is drawn on its image."""
+    """By camera name, the lines that are drawn on its image."""
     world_lines: WorldLines = field(default_factory=WorldLines.empty)
     restarted: bool = False
     """A new segment begins here."""
@@ -83,14 +83,14 @@ class OneKind(Generic[Memory]):
     kind: Kind = "video"
     """`video`, `stereo` or `cameras`."""
     frame: FrameName = "video"
-    """Whose pose `process` gives: the video camera's where there is no scale, else the rig's."""
+    """The frame of the pose that `process` returns: the video camera if there is no scale, else the rig."""
 
     def begin(self) -> Memory:
         """Returns the memory before the first frame."""
         raise NotImplementedError
 
     def process(self, memory: Memory, frame: Frame, watch: Stopwatch) -> tuple[Memory, Result]:
-        """Returns the memory after the frame, and what was found in it. `watch.lap(STAGE)` ends a stage."""
+        """Returns the memory after the frame, and the result for it. `watch.lap(STAGE)` ends a stage."""
         raise NotImplementedError
 
     def start(self) -> State[Memory]:

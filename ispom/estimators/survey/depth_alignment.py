@@ -23,7 +23,7 @@ from ispom.numerics.reductions import median
 from ispom.types import Camera, Check, Image
 
 ITERATIONS = 6
-"""Of Gauss-Newton; two to four are usual."""
+"""Most iterations of Gauss-Newton; two to four are usual."""
 CONVERGED_PX = 0.01
 """Displacement of the pixels (root mean square) by an iteration at which the iteration ends: a tenth of how exactly a
 patch is placed, `LEAST_PX`."""
@@ -63,16 +63,16 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What the patches of N pixels say of displacements along their lines and across them."""
+    """Evidence of N patches on their displacements along their epipolar lines and across them."""
 
     information: Array
     """(N, 2, 2) [1/px^2]; 0 where a patch does not look the same."""
     gradient: Array
     """(N, 2) information times displacement [1/px]."""
     speed: Array
-    """(N,) displacement along the line by inverse depth [px by its unit]."""
+    """(N,) derivative of the displacement along the line by the inverse depth [px per unit of it]."""
     by_twist: Array
-    """(N, 2, 6) displacement by a twist on the left of the pose."""
+    """(N, 2, 6) derivative of the displacement by a left twist of the pose."""
 
     @staticmethod
     def of(lines: Lines, inverse: Array) -> Evidence:
@@ -96,7 +96,8 @@ class Evidence:
         )
 
     def eliminated(self, depth_information: Array, depth_gradient: Array) -> Eliminated:
-        """Returns what is left of displacements when each inverse depth, with a prior (N,) (N,), is eliminated."""
+        """Returns the evidence after each inverse depth is eliminated. `depth_information` (N,) and `depth_gradient`
+        (N,) are their prior."""
         by_depth = self.information[:, :, 0] * self.speed[:, None]
         power = np.maximum(self.speed * by_depth[:, 0] + depth_information, 1e-30)
         pull = self.speed * self.gradient[:, 0] + depth_gradient
@@ -117,9 +118,9 @@ class Eliminated:
     gradient: Array
     """(N, 2)."""
     step: Array
-    """(N,) of the inverse depths, for a pose that stays."""
+    """(N,) steps of the inverse depths for a constant pose."""
     step_by_twist: Array
-    """(N, 6) what a twist takes from that."""
+    """(N, 6) decrease of that step by a twist of the pose."""
 
 
 def jointly_aligned(field: DepthField, camera: Camera, image: Image, image_from_key: Pose) -> Joint:

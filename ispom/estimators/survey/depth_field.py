@@ -29,31 +29,32 @@ from ispom.geometry import Array, Pose
 from ispom.types import Camera, Image
 
 PATCH = square_patch(5)
-"""What is compared, around the pixel."""
+"""The patch around a pixel that is compared."""
 WIDTH = 2.0
 """Standard deviations to both sides of the mean that are searched (Engel 2013)."""
 STEPS = 8, 32
-"""Places on a line that are compared, at most a pixel apart: on short lines, and on long ones."""
+"""Number of positions on a line that are compared, at most a pixel apart: on short lines, and on long ones."""
 LEVELS = 4
-"""Of the pyramids on which lines are searched: a longer line begins on a smaller image, and goes on around what was
-found there. A pixel whose line is too long on the smallest one waits for an image from nearer."""
+"""Levels of the pyramids on which lines are searched. The search of a longer line begins on a smaller image, and
+continues near the position that was found there. A pixel whose line is too long on the smallest image is not searched
+until an image was taken nearer to the keyframe."""
 ITERATIONS = 4
-"""Of Gauss-Newton along the line."""
+"""Iterations of Gauss-Newton along the line."""
 STEP_PX = 1.0
 """Distance over which gradients are measured; an iteration moves by no more than twice this."""
 LEAST_CLEAR = 0.5
 """Least share of the squared gradients along the line that noise does not explain."""
 MIN_CORRELATION = 0.8
-"""Of a patch with where it is found."""
+"""Least correlation of a patch with the image at the position that was found."""
 MAX_RATIO = 0.6
 """Largest ratio of the least squared difference of the patches to the least one elsewhere on the line."""
 APART_PX = 2.0
-"""What is farther from the best place is elsewhere."""
+"""Distance from the best position beyond which a position is a different one."""
 LINE_PX = 0.25
 """Standard deviation of the line across itself: the pose is about as exact."""
 LEAST_PX = 0.1
-"""Least standard deviation along the line: the lens and interpolation are no more exact. An image says nothing of a
-pixel whose place in it is known better."""
+"""Least standard deviation along the line: the lens and interpolation are no more exact. An image does not improve a
+pixel whose position in it is known better."""
 CONSISTENT = 3.0
 """Standard deviations within which a measurement is of the same pixel."""
 OWN = np.sqrt(0.5)
@@ -62,7 +63,7 @@ the keyframe's own patch."""
 CONFIRMED = 2
 """Images that must agree before an inverse depth takes part: a single match may be one of a repeated pattern."""
 FAR = 1e-3
-"""Least inverse depth, as a share of the typical one: what is farther is at infinity."""
+"""Least inverse depth, relative to the typical one; farther points count as infinitely far."""
 SURE = 0.2
 """Largest standard deviation of an inverse depth that takes part in the alignment, as a share of itself or of the
 typical one: a motion by as much as a tenth of the depth then puts the pixel off by 2 % of the focal length at most."""
@@ -110,7 +111,7 @@ class DepthField:
         return (self.sigma <= SURE * np.maximum(self.inverse, self.typical)) & (self.agreed >= CONFIRMED)
 
     def improved(self, camera: Camera, image: Image, image_from_key: Pose) -> DepthField:
-        """Returns the field with what another image of it says."""
+        """Returns the field after an update by another image."""
         found, sigma, missed = measured(self, camera, image, image_from_key)
         both = np.hypot(self.sigma, sigma)
         agrees = np.isfinite(sigma) & (np.abs(found - self.inverse) <= CONSISTENT * both)
@@ -178,10 +179,10 @@ def measured(
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Where N pixels may lie in an image, each with a patch of P pixels."""
+    """Epipolar lines of N pixels in an image, each with a patch of P pixels."""
 
     level: int
-    """Of the pyramids; all places are pixels of it."""
+    """Level of the pyramids; all positions are in pixels of this level."""
     camera: Camera
     image: Image
     intensity: Array
@@ -189,7 +190,7 @@ class Lines:
     rays: Array
     """(N, 1 + P, 3) to the pixels and to those of their patches, turned into the image's camera."""
     step: Array
-    """(3,) the place of a pixel is that of ray + inverse depth * step."""
+    """(3,) displacement: a pixel is at the projection of ray + inverse depth * step."""
 
     @staticmethod
     def of(field: DepthField, level: int, keyframe: Image, camera: Camera, image: Image, image_from_key: Pose) -> Lines:

@@ -9,9 +9,9 @@ The steps, in the order of this file:
    one, along the row: its depth. These pixels are the semi-dense depth field.
 2. The motion to the present left image is the one under which the patches around these pixels keep their intensities:
    Gauss-Newton over a pyramid, with a robust loss and one gain and offset of the whole image (`photometric.py`). It
-   begins at a constant velocity and at several other guesses, the best of which goes on.
-3. A frame is located where enough patches look the same at their new places. It becomes the next keyframe where too few
-   of them do, or where the pixels have moved far.
+   starts from the prediction of a constant velocity and from several other guesses, and continues with the best one.
+3. A frame is located if enough patches look the same at their new positions. It becomes the next keyframe if too few
+   of them do, or if the pixels have moved far.
 
 Limits. The intensities must stay: a light that moves, or shadows, look like a motion. Motions must be near one of the
 guesses, within some pixels of the smallest image. A large object that moves with most patches is taken for the scene.
@@ -95,9 +95,9 @@ class FieldSettings:
     min_similar: Annotated[float, Range(0.05, 0.9)] = 0.25
     """Least share of patches that look the same for a frame to be located."""
     keyframe_similar: Annotated[float, Range(0.1, 1), WorthTrying((0.5,))] = 0.8
-    """With a smaller share the frame becomes a keyframe."""
+    """Share of similar patches below which the frame becomes a keyframe."""
     keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 3.0
-    """With a larger median displacement of the pixels the frame becomes a keyframe [% of the image's width]."""
+    """Median displacement of the pixels above which the frame becomes a keyframe [% of the image's width]."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Memory:
     keyframe: Keyframe
     next_id: int
     time_ns: int
-    """Of the last located frame."""
+    """Time of the last located frame."""
     world_from_camera: Pose
     velocity: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) twist per second on the right of the pose."""
@@ -231,7 +231,7 @@ def aligned(
 
 
 def moved_on(keyframe: Keyframe, found: Alignment, settings: FieldSettings) -> tuple[Decision, ...]:
-    """Step 3: returns what makes an aligned frame a keyframe, where one of them passes."""
+    """Step 3: returns the checks for a keyframe. An aligned frame becomes one if any of them passes."""
     shift = np.linalg.norm(found.uv - keyframe.uv, axis=1)[found.similar]
     return (
         OVERLAP.of(found.similar.mean(), settings.keyframe_similar),

@@ -3,11 +3,12 @@ Sturm and Cremers, Semi-Dense Visual Odometry for a Monocular Camera, 2013; alig
 
 The steps, in the order of this file:
 
-1. Start: intensities alone say nothing before there are depths. Corners are followed until two images and those between
-   them give their relative pose (`first_map.py`); of the corners nothing else is used. The second image becomes the
+1. Start: without depths, intensities do not determine a motion. Corners are followed until two images and those between
+   them give their relative pose (`first_map.py`); the corners are not used further. The second image becomes the
    keyframe, and the depths of its pixels with a gradient are searched in the first one.
-2. The motion from the keyframe to the present image is that of `direct`, from the pixels whose depths are sure. It is
-   then found together with these depths (`depth_alignment.py`). A frame whose patches lie off their lines is lost.
+2. The motion from the keyframe to the present image is found as in `direct`, from the pixels whose depths are certain.
+   It is then refined together with these depths (`depth_alignment.py`). A frame whose patches are not on their epipolar
+   lines is lost.
 3. The present image then improves the depths of all pixels of the keyframe (`depth_field.py`).
 4. Where the view has changed the image becomes the keyframe. Depths are carried to it, and pixels with a gradient
    where there are none are searched in the last keyframe. What the images contradict makes the scale less certain; the
@@ -70,7 +71,7 @@ class DirectMonocularConfig(FieldSettings):
     """Settings of the direct method with one camera."""
 
     keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 8.0
-    """With a larger median displacement of the pixels the frame becomes a keyframe [% of the image's width]."""
+    """Median displacement of the pixels above which the frame becomes a keyframe [% of the image's width]."""
     start_moved: Annotated[float, Range(0.2, 30)] = 1.0
     """Median displacement of corners, without what a rotation explains, for a start [% of the width]."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
@@ -87,7 +88,7 @@ class Memory:
     start: Start | None = None
     field: DepthField | None = None
     last: direct.Memory | None = None
-    """Its keyframe has the sure pixels of the field."""
+    """Memory of `direct`; its keyframe has the pixels of the field whose depths are certain."""
     scale_sigma: float = 0.0
     """See Step; of the depths of the keyframe. What the images contradict has the same cause in successive ones, such
     as a lens that is not quite as calibrated: contributions of keyframes add up as they are, not their squares."""

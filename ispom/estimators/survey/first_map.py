@@ -1,4 +1,4 @@
-"""What the methods `hybrid.monocular` and `direct.monocular` share: the first map of one camera.
+"""The first map of one camera, for the methods `hybrid.monocular` and `direct.monocular`.
 
 Corners are followed by Lucas-Kanade until they moved enough, besides what a rotation explains. Each relative pose that
 two images allow (essential matrix, and the decompositions of a homography, for a plane) is adjusted together with
@@ -25,9 +25,9 @@ from ispom.solvers.multiview.two_view import hypotheses
 from ispom.types import Camera, Check, Decision, Image, Tracks, TrackStatus, by_key
 
 FOLLOW = Klt(levels=4)
-"""Of corners without a depth."""
+"""Tracker of corners without a depth."""
 MIN_DISTANCE_PX = 10.0
-"""Between corners."""
+"""Least distance between corners."""
 BETWEEN = 4
 """Images between the two of the first map that help to choose its relative pose."""
 LEAST_SHARE = 0.6
@@ -74,24 +74,24 @@ class Start:
 
 
 class FirstMap(NamedTuple):
-    """Two images and the M corners that they explain; the unit is any."""
+    """Two images and the M corners that they explain, in an arbitrary unit."""
 
     start: Start
-    """With its N corners; its last image is the second one."""
+    """The start with its N corners; its last image is the second one."""
     second_from_first: Pose
     xyz: Array
-    """(N, 3) in the first camera; those of `keep` only mean something."""
+    """(N, 3) in the first camera; only those in `keep` are valid."""
     keep: NDArray[np.bool_]
     """(N,) whether the two images and those between them explain the corner."""
 
 
 class Followed(NamedTuple):
-    """What an image changed."""
+    """The result of following corners into one image."""
 
     start: Start
     decisions: tuple[Decision, ...]
     tracks: Tracks
-    """For display."""
+    """Tracks for display."""
     made: FirstMap | None = None
 
 

@@ -10,11 +10,11 @@ The steps, in the order of this file:
    a direction of v, depths drop out along one line per vector, and w is linear (Bruss and Horn). The direction is
    searched on the whole sphere, then refined together with w by Gauss-Newton with a robust loss. Depths in front of the
    camera decide about its sign.
-3. Where a rotation alone explains the flow, nothing fixes the direction: the last one is held, and the camera counts
-   as turning on the spot.
+3. If a rotation alone explains the flow, the direction is undetermined: the last one is kept, and the camera counts as
+   turning on the spot.
 
-What it gives is a direction and rotation rates in each frame. Speed is not observable: the path is drawn with steps of
-length 1 in each frame in which the camera moves, whatever its speed was. It is no map of where the camera was.
+The result is a direction and rotation rates in each frame. Speed is not observable: the path is drawn with steps of
+length 1 in each frame in which the camera moves, whatever its speed was. It does not show where the camera was.
 
 Figures (medians against the truth): KITTI 06, 51 frames: direction 0.3 degrees, rates 0.19 degrees/s; sim:city, 100
 frames: 0.2 degrees and 0.09 degrees/s. It fails where the flow is not that of a static scene, where images differ by
@@ -43,7 +43,7 @@ from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, ImageLines, Rig, as_grey, by_key
 
 MIN_DISTANCE_PX = 8.0
-"""Between samples of the flow."""
+"""Least distance between samples of the flow."""
 MAX_CIRCLE_PX = 1.0
 """Largest distance of the way forth and back from its start."""
 PATCH, MIN_CORRELATION = square_patch(7), 0.7
@@ -92,7 +92,8 @@ HEADING = Check(
 )  # fmt: skip
 CHECKS = by_key(VECTORS, AGREE, RESIDUAL, TRANSLATES, RATE, HEADING)
 LEAST_RATE_DEG_S, SIDEWAYS_DEG = 0.3, 90.0
-"""Thresholds of the findings: the accuracy of the rates, and what is neither forward nor backward."""
+"""Thresholds of the findings: least rate that counts as a rotation (the accuracy of the rates), and the angle that is
+neither forward nor backward."""
 STAGES = {
     "flow": "Computes the dense flow in both directions and samples it at corners.",
     "egomotion": "Searches the direction of translation on the sphere, and refines it with the rotation rates.",
@@ -106,7 +107,7 @@ class FlowConfig:
     max_vectors: Annotated[int, Range(50, 5000)] = 600
     """Samples of the flow, spread over the image."""
     min_vectors: Annotated[int, Range(8, 500)] = 30
-    """With fewer consistent vectors there is no motion."""
+    """Least number of consistent vectors; with fewer no motion is computed."""
     min_agreeing: Annotated[float, Range(0.1, 0.95)] = 0.5
     """Least share of vectors that agree with the motion."""
     min_translation_px: Annotated[float, Range(0.05, 5)] = 0.4
@@ -310,8 +311,8 @@ def egomotion(x: Array, flow: Array, width: float) -> Motion:
 def rotation_alone(x: Array, flow: Array, width: float) -> tuple[Array, Array]:
     """Returns the rotation (3,) that explains most of the flow (N, 2) at x (N, 2), and the flow (N, 2) without it.
 
-    In a narrow view a rotation looks much like a translation to the side: what a fit of both leaves to the translation
-    does not tell whether there is any, what a fit of the rotation alone leaves over does.
+    In a narrow view a rotation looks much like a translation to the side. So the translation in a fit of both does not
+    show whether there is one; the residuals of a fit of the rotation alone do.
     """
     b, rotation = by_rotation(x), np.zeros(3)
     weights = np.ones(len(x))

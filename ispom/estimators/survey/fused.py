@@ -1,19 +1,19 @@
 """Images fused with other sensors: the schemes of the paper's Table 2, as a factor graph over a window.
 
 1. Nodes: every `node_s` seconds, and at each fix, the graph has a pose. Each kind of sensor (`ispom.sensors`) makes
-   observations of what it measured there or in between.
+   observations from its measurements at a node or between nodes.
 2. Start: scale, gravity and heading from the first metres (`fused_start`). A pair has poses in its own world until
    fixes give the heading.
 3. Graph: relative poses of the visual method (loose coupling) with a scale that changes slowly, preintegrated IMU,
    positions of the antenna, wheels, matched scans, and whatever other kinds of sensors have factors (`fused_graph`);
    Forster et al. 2017, Dellaert and Kaess 2017.
-4. What leaves the window stays as a prior; the same without each sensor shows how much it contributes.
+4. Nodes that leave the window stay as a prior. A second prior without a sensor shows how much the sensor contributes.
 
 Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same. While the
-recording goes on, the window is estimated; at the end all nodes are, with the final poses of the images.
+recording goes on, only the window is estimated; at the end all nodes are estimated, with the final poses of the images.
 
-Limits: coupling is loose, and neither clocks nor places of sensors in the rig are
-estimated: what contradicts is named by its misfit. Scans are taken to see vertical walls. Figures of each scheme are in
+Limits: coupling is loose, and neither clocks nor positions of sensors in the rig are estimated; a sensor that
+contradicts the others is named by its misfit. Scans are assumed to show vertical walls. Figures of each scheme are in
 docs/methods/notes/fused.md.
 """
 
@@ -57,7 +57,7 @@ from ispom.types import Decision, Kind, Landmarks, Measurement, Rig, Status, Ste
 WAITING_NODES = 80
 """Nodes that are kept until the start."""
 SOONEST_S = 0.08
-"""Between a node and one for a fix."""
+"""Least interval between a node and a node for a fix."""
 WORST_SCALE = 0.1
 """Standard deviation of the log scale with which the start is accepted."""
 WORLD_FROM_LOCAL = Pose(OPTICAL_FROM_LEVEL)
@@ -169,7 +169,8 @@ class Fused:
         return since_s >= self._config.node_s or (since_s >= SOONEST_S and self._collector.needs_node(state))
 
     def _between(self, state: FusedState, time_ns: int, sighted: bool) -> tuple[FusedState, Step]:
-        """A frame between two nodes: its pose comes from the last node and the images."""
+        """Returns the state and the Step of a frame between two nodes, whose pose comes from the last node and the
+        images."""
         start = dict(state.seen).get(state.nodes[-1].time_ns) if state.nodes else None
         if not sighted or start is None:
             waits = state.prior is None
@@ -288,7 +289,7 @@ class Fused:
         return replace(state, clock=found or state.clock)
 
     def _sensor_decisions(self, misfits: Mapping[str, float], gains: Mapping[str, float]) -> list[Decision]:
-        """Returns whether each sensor agrees with the others, and what it contributes."""
+        """Returns whether each sensor agrees with the others, and how much it contributes."""
         fits = [self._checks[f"{sensor}_misfit"].of(value, MAX_FIT) for sensor, value in misfits.items()]
         return fits + [self._checks[f"{sensor}_gain"].of(value, MIN_GAIN) for sensor, value in gains.items()]
 

@@ -1,4 +1,5 @@
-"""The checks of `fused`: whether it has a pose, whether each sensor agrees with the others, and what it contributes."""
+"""The checks of `fused`: its pose, the agreement of each sensor with the others, and the contribution of each
+sensor."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def imu_clock(nodes: Iterable[Node], camera_from_rig: Pose, rig_from_imu: Pose) 
     at = np.array([(node.time_ns - chain[0].time_ns) * 1e-9 for node in chain])
     rotations = np.array([_rotation(node, camera_from_rig) for node in chain])
     turned = so3_log(np.swapaxes(rotations[:-1], 1, 2) @ rotations[1:])
-    # Shifted intervals stay within what was measured.
+    # Shifted intervals stay within the measured time.
     inside = (at[:-1] >= LATEST_S) & (at[1:] <= at[-1] - LATEST_S)
     if inside.sum() < FEWEST:
         return None

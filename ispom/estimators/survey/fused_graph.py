@@ -32,7 +32,7 @@ class Optimum:
 
     nodes: tuple[Node, ...]
     values: gtsam.Values
-    """The same as gtsam has them."""
+    """The estimates in gtsam's form."""
     factors: list[Factor]
 
 
@@ -44,7 +44,7 @@ class Graph(WindowGraph):
     def __init__(self, rig: Rig, sensors: frozenset[str], camera_from_rig: Pose, noise: MotionNoise) -> None:
         super().__init__(rig, sensors, camera_from_rig, CAUCHY, (SCALE,))
         self.noise = noise
-        """Of images that do not state their own."""
+        """Noise of images that do not state their own."""
 
     def optimised(self, nodes: tuple[Node, ...], prior: Prior) -> tuple[tuple[Node, ...], dict[str, float]]:
         """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
@@ -52,8 +52,8 @@ class Graph(WindowGraph):
         return found.nodes, self.misfits(found.factors, found.values)
 
     def solved(self, nodes: tuple[Node, ...], prior: Prior, start: tuple[Node, ...], without: str = "") -> Optimum:
-        """Returns the most likely nodes, from what was measured of `nodes`, beginning at `start`, without the factors
-        of one sensor."""
+        """Returns the most likely nodes by the measurements of `nodes`, starting from the estimates `start`. The
+        factors of the sensor `without` are skipped."""
         import gtsam
 
         graph, factors = gtsam.NonlinearFactorGraph(), self.factors(nodes, prior)

@@ -1,6 +1,6 @@
-"""What moved the newest node of `fused`: the window is solved again without the factors of one sensor.
+"""The influence of each sensor on the newest node of `fused`: the window is solved again without its factors.
 
-What the sensor measured before the window is in its prior, and stays there.
+Measurements of the sensor before the window are in the prior, and stay there.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class GraphProblem:
 
     graph: Graph
     start: tuple[Node, ...]
-    """Before."""
+    """The nodes before they are solved."""
     solved: tuple[Node, ...]
-    """After."""
+    """The nodes after they are solved."""
     prior: Prior
 
     @property
@@ -41,7 +41,7 @@ class GraphProblem:
 
     @property
     def _names(self) -> dict[str, str]:
-        """Of the sensors, by those of their factors."""
+        """Returns the names of the sensors by the names of their factors."""
         return {"visual": "images", **{kind.name: kind.word for kind in self.graph.kinds}}
 
     @property

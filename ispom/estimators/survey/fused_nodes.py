@@ -1,4 +1,4 @@
-"""What `fused` keeps from frame to frame, and how its next node comes from what the sensors measured until then."""
+"""The state of `fused`, and how its next node is made from the measurements of the sensors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KEPT_NS = 500_000_000
 
 @dataclass(frozen=True, eq=False)
 class FusedState:
-    """The window, what waits for its next node, and what left it."""
+    """The window, measurements that wait for the next node, and nodes that left the window."""
 
     sensors: frozenset[Kind] = frozenset()
     nodes: tuple[Node, ...] = ()
@@ -34,24 +34,24 @@ class FusedState:
     seen: tuple[tuple[int, Pose], ...] = ()
     """(time_ns, world_from_camera) of recent images, as known now."""
     memory: Mapping[Kind, Any] = field(default_factory=dict)
-    """By kind of sensor, what waits for the next node."""
+    """By kind of sensor, measurements that wait for the next node."""
     first: Prior | None = None
-    """That of the start."""
+    """The prior of the start."""
     settled: PersistentList[Node] = PersistentList()
     """Nodes that left the window."""
     frames: PersistentList[tuple[int, int, Pose]] = PersistentList()
     """(time_ns, number of the node before, camera_of_node_from_camera) of all frames with a pose."""
     last_ns: int | None = None
     number: int = 0
-    """Of the next node."""
+    """Number of the next node."""
     fresh: bool = False
     """The world of the images is another one than at the last node."""
     growth: Growth | None = None
-    """Of the images' own uncertainty, in their present world; None as long as they state none."""
+    """Growth of the images' own uncertainty, in their present world; None as long as they state none."""
     noise: MotionNoise | None = None
-    """Of the motions of the images; None as long as they state none."""
+    """Noise of the motions of the images; None as long as they state none."""
     clock: ClockOffset | None = None
-    """Of the IMU, as last estimated."""
+    """Clock offset of the IMU, as last estimated."""
 
 
 class Collector:
@@ -70,7 +70,7 @@ class Collector:
         self._camera_from_rig, self._rig_from_body = camera_from_rig, rig_from_body
 
     def waiting(self, state: FusedState, measurement: Measurement) -> FusedState:
-        """Keeps what a sensor of the scheme measured."""
+        """Returns the state with a measurement of a sensor of the scheme."""
         kind = self._kinds.get(measurement.kind)
         if kind is None or not isinstance(measurement, kind.measurement):
             return state
@@ -98,7 +98,7 @@ class Collector:
         return replace(state, seen=tuple(sorted(seen.items()))[-RECENT:])
 
     def next_node(self, state: FusedState, time_ns: int) -> tuple[FusedState, Node]:
-        """Returns what waits after a new node, and the node."""
+        """Returns the state after a new node, and the node."""
         camera, started = dict(state.seen).get(time_ns), state.prior is not None
         last = state.nodes[-1] if state.nodes else None
         # The images may have revised where they were at the last node.

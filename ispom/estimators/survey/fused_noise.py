@@ -1,7 +1,7 @@
-"""How certain the motions are that the images give, by what the visual method states of its poses.
+"""The noise of the images' motions, from the covariance that the visual method states for its poses.
 
-Its covariance is that of a pose relative to where its world began. It has grown by the errors of the motions since
-then: of rotations about the middle of the scene with the time, of translations with the way.
+This is the covariance of a pose relative to the first pose of its world. It grows by the errors of the motions since
+then: those of rotations about the middle of the scene grow with time, those of translations with the distance moved.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ LEAST_WAY = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Over what the uncertainty of the images has grown, in their present world."""
+    """The time and distance over which the uncertainty of the images has grown, in their present world."""
 
     begun_ns: int
     time_ns: int
     world_from_frame: Pose
-    """Of the last image."""
+    """Pose of the last image."""
     way: float = 0.0
     """[unit]"""
 
@@ -49,9 +49,10 @@ def grown(growth: Growth | None, visual: Step) -> Growth | None:
 
 
 def stated_noise(growth: Growth | None, visual: Step, otherwise: MotionNoise) -> MotionNoise | None:
-    """Returns the noise of the motions that has grown to what an image states; None as long as it does not tell.
+    """Returns the noise of the motions that explains the covariance which an image states; None as long as that does
+    not determine it.
 
-    What it does not state is that of `otherwise`.
+    Values that it does not determine are those of `otherwise`.
     """
     pose, covariance = visual.world_from_frame, visual.covariance
     if growth is None or pose is None or covariance is None or growth.seconds < SETTLED_S:

@@ -1,8 +1,8 @@
-"""Points that the nodes of a window see: their inverse depths, residuals and derivatives, all tracks at once.
+"""Points that the nodes of a window observe: inverse depths, residuals and derivatives of all tracks at once.
 
 A point is (a, b, r): (a, b, 1) is its direction in the camera of the first node that sees it, r the inverse of its
 depth there [1/m]. So a point far away, or one that has not moved yet, is no special case (Civera, Davison, Montiel
-2008). Points are eliminated (Schur complement): what they say about the poses is left.
+2008). Points are eliminated (Schur complement), so that only information about the poses remains.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class Linear:
     weights: Array
     """(O,) of the loss."""
     by_view: Array
-    """(O, 2, 6) derivatives by the twist (phi, rho) of the camera that sees the point,"""
+    """(O, 2, 6) derivatives by the twist (phi, rho) of the camera that observes the point."""
     by_anchor: Array
-    """(O, 2, 6) by that of the camera that saw it first,"""
+    """(O, 2, 6) derivatives by the twist of the camera that observed it first."""
     by_point: Array
-    """(O, 2, 3) and by the point."""
+    """(O, 2, 3) derivatives by the point."""
 
 
 class Sights:
@@ -58,8 +58,8 @@ class Sights:
         most: int = MOST_TRACKS,
         lens: LensCorrection | None = None,
     ) -> None:
-        """`sigma`: standard deviation of a normalised coordinate. Of at most so many tracks, only those `among` these
-        ids, where given. `lens`: what is wrong with the calibration."""
+        """`sigma`: standard deviation of a normalised coordinate. `most`: largest number of tracks, those with the most
+        views. `among`: ids of tracks to which they are restricted. `lens`: correction of the calibration."""
         ids = np.concatenate([n.points.ids for n in nodes])
         points = [n.points if lens is None else n.points.corrected(lens) for n in nodes]
         xy = np.concatenate([each.xy for each in points]).astype(float)
@@ -155,7 +155,7 @@ class Sights:
         seen = len(self.view)
         root = np.sqrt(linear.weights)
         rows = np.broadcast_to(np.arange(2 * seen).reshape(seen, 2, 1), (seen, 2, 6))
-        other = self.view != self.anchor  # seen from its own camera, a point does not tell its pose
+        other = self.view != self.anchor  # an observation in its anchor's own camera does not depend on its pose
         columns = [
             6 * at[:, None, None] + np.broadcast_to(np.arange(6), (seen, 2, 6)) for at in (self.view, self.anchor)
         ]

@@ -24,7 +24,7 @@ Scheme = Literal["auto", "1", "2", "3", "4", "5", "6", "7", "8"]
 
 @dataclass(frozen=True)
 class FusedSettings:
-    """What a person may set."""
+    """The settings of `fused`."""
 
     scheme: Scheme = "auto"
     """Which sensors take part, by the scheme of Table 2: 1, 2 GNSS and IMU; 3 these and wheels; 4 GNSS; 5 IMU and

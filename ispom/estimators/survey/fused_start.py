@@ -1,9 +1,9 @@
-"""The start of `fused`: where the images' world lies in the local frame, and how long their unit is.
+"""The start of `fused`: the pose of the images' world in the local frame, and the length of its unit.
 
-Up comes from the mean specific force of the IMU, or from the first pose of the rig, which then is taken to be level.
-Scale and heading come from the fixes (a similarity in the plane), or the scale from wheels or scans (ratios of
-lengths), or from the IMU alone: the linear alignment of Qin, Li and Shen (VINS-Mono, 2018, section V.B) for velocities,
-gravity and scale.
+Up comes from the mean specific force of the IMU, or from the first pose of the rig, which is assumed level then. Scale
+and heading come from the fixes (a similarity in the plane). Without fixes, the scale comes from wheels or scans (ratios
+of lengths), or from the IMU alone: the linear alignment of Qin, Li and Shen (VINS-Mono, 2018, section V.B) for
+velocities, gravity and scale.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ UNCERTAIN_UNIT = 0.005
 """Relative standard deviation of the unit of a pair whose calibration does not say how certain it is: of a baseline of
 0.2 m that is known to a millimetre."""
 CERTAIN_UNIT = 1e-4
-"""The same where the calibration says so (`pair_sigma`): what it leaves open is in the covariances of the images then,
-and this only keeps equations solvable."""
+"""The same if the calibration states its accuracy (`pair_sigma`): the covariances of the images include the uncertainty
+of the unit then, and this value only keeps equations solvable."""
 FEWEST_FIXES = 4
 SPREAD = 10.0
-"""The way of the fixes must be so many of their standard deviations."""
+"""Least distance of a fix from the first one, in standard deviations of the fixes."""
 WHEEL_WAY_M = 1.0
 """Way of the wheels or scans that gives the scale."""
 INERTIAL_S = 2.5
@@ -41,7 +41,7 @@ GRAVITY_OFF = 0.15
 """Share by which its gravity may differ from 9.81 m/s^2."""
 
 REST_S, REST_PX, FEWEST_RESTING = 1.0, 1.0, 8
-"""A rig stands where at least so many points moved by less than this within this time."""
+"""A rig stands where points moved by at most REST_PX (median) within REST_S; at least FEWEST_RESTING must be seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ def _ahead_is_north(nodes: tuple[Node, ...], level_from_world: Array, camera_fro
 
 
 def fix_checks(nodes: tuple[Node, ...], start_m: float) -> tuple[Decision, ...]:
-    """Returns whether the fixes are enough, and lie far enough apart, for scale and heading."""
+    """Returns whether the fixes are enough, and far enough from each other, for scale and heading."""
     fixes = [fix for n in nodes for fix in fixes_of(n)]
     enough = START_FIXES.of(len(fixes), FEWEST_FIXES)
     if not enough.passed:

@@ -1,6 +1,6 @@
-"""`fused` over the relative poses of a stereo pair: their unit is the metre from the first pair on, so that no start is
-waited for but that of the fixes' heading; wheels and fixes correct drift, and the IMU gives up and bridges what the
-images lose. See `fused` for the graph and its references.
+"""`fused` over the relative poses of a stereo pair. Their unit is the metre from the first pair on, so the start only
+waits for the heading by fixes. Wheels and fixes correct drift; the IMU measures up and bridges frames in which the
+images are lost. See `fused` for the graph and its references.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ class FusedStereoConfig(FusedConfig):
     """Settings of `fused.stereo`."""
 
     scale_percent: Annotated[float, Range(0.001, 20)] = 0.001
-    """Change of the images' scale within a second (1 sigma), in percent, growing with the root of the time. The unit of
-    a pair stays: it is off by its calibration only."""
+    """Change of the images' scale within a second (1 sigma), in percent; it grows with the square root of the time. The
+    unit of a pair is constant; only its calibration can make it wrong."""
 
     def build(self, rig: Rig) -> Fused:
         """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""

@@ -74,14 +74,14 @@ class FusedTightConfig(FusedConfig):
 
 @dataclass(frozen=True, eq=False)
 class TightState(FusedState):
-    """What is kept besides: the points."""
+    """The state of `fused` with the points."""
 
     points: Points = NO_POINTS
-    """Of the present image."""
+    """Points of the present image."""
     seen_points: PersistentList[tuple[int, Points]] = PersistentList()
-    """By number of the node: all, of which the window has those that are not spent."""
+    """All points by number of their node; the window has those that were not marginalised."""
     lens: LensCorrection | None = None
-    """What `monocular` found to be wrong with the calibration."""
+    """Correction of the calibration by `monocular`."""
     speed_sigma: float = 0.0
     """Standard deviation of the velocity at the last node [m/s]."""
 
@@ -140,7 +140,7 @@ class Tight(Fused):
         return state, Step(time_ns, Status.TRACKING, "rig", pose, covariance, decisions=decisions)
 
     def _next(self, state: Any, time_ns: int) -> tuple[Any, Node]:
-        """Returns the next node with its points; after the start, where the IMU says that it is."""
+        """Returns the next node with its points; after the start, at the position that the IMU predicts."""
         state, node = self._collector.next_node(state, time_ns)
         node, inertial = replace(node, points=state.points), inertial_of(node)
         if state.prior is not None and inertial is not None:

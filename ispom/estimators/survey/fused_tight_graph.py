@@ -1,9 +1,9 @@
 """The factor graph of `fused.tight`: nodes with pose, velocity and biases, and the points that several of them see.
 
-IMU and fixes are factors of gtsam; points are eliminated by `fused_points`. Both are summed to normal equations and
-solved by Levenberg and Marquardt's method. A node that leaves takes with it what it and its tracks say about the
-others: their joint information on the nodes that stay (Schur complement). Of tracks that go on, only the observation
-in that node is given up: the others hold the window together.
+IMU and fixes are factors of gtsam; `fused_points` eliminates points. Both are summed to normal equations and solved by
+Levenberg and Marquardt's method. When a node leaves the window, the information of the node and its tracks on the
+remaining nodes becomes a prior (Schur complement). Tracks that continue lose only their observation in that node,
+because their other observations connect the nodes of the window.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ STILL_M_S = 0.02
 class TightGraph(WindowGraph):
     """Estimates the nodes of a window with their points.
 
-    Fixes have Huber's loss: one that contradicts pulls on, with bounded force, and is not dropped. A graph without a
-    visual scale that drops fixes never comes back."""
+    Fixes have Huber's loss: a contradicting fix still acts, with a bounded weight, and is not dropped. A graph without
+    a visual scale that drops fixes never recovers."""
 
     relaxed = 1e-4
     """100 m, m/s or rad."""
@@ -71,7 +71,7 @@ class TightGraph(WindowGraph):
         return [f for before, now in zip((None, *nodes), nodes, strict=False) for f in self._pair(before, now)]
 
     def _pair(self, before: Node | None, now: Node) -> list[Factor]:
-        """Returns the factors from one node to the next, and those of the latter's fixes."""
+        """Returns the factors from one node to the next, and those of the next node's fixes."""
         found = [*self.absolute_factors(before, now), *self.relative_factors(before, now)]
         if before is not None and not now.relative:
             found.append(self.blind_factor(before, now, before.local_from_rig.inverse() @ now.local_from_rig))

@@ -15,10 +15,10 @@ from ispom.types import ClockOffset, Corrections, Gravity, ImuBias
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of the first K nodes of the window by all that left it."""
+    """Information about the first K nodes of the window from all nodes that left it."""
 
     at: tuple[Node, ...]
-    """Where it is linear."""
+    """Linearisation point."""
     information: Array
     """(K D, K D)"""
     vector: Array
@@ -38,7 +38,7 @@ def revised_nodes(nodes: tuple[Node, ...], cameras: Mapping[int, Pose]) -> tuple
 
 
 DOWN = np.array([0.0, 0.0, -1.0])
-"""In the local frame."""
+"""Direction of gravity in the local frame."""
 
 
 def imu_of(node: Node, covariance: Array, unknowns: Mapping[str, Array], clock: ClockOffset | None) -> Corrections:

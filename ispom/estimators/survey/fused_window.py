@@ -1,8 +1,8 @@
-"""What the graphs of `fused` and `fused.tight` share: the unknowns of a window, its prior, and its uncertainty.
+"""The common part of the graphs of `fused` and `fused.tight`: unknowns of a window, prior, and uncertainty.
 
 A graph is built again for each node with gtsam (Dellaert and Kaess, Factor Graphs for Robot Perception, 2017), from
-numbers only, so that a State is a value. What leaves the window stays as a prior: its information on the nodes that
-stay (Schur complement). The same is kept once more without each sensor, which shows how much that sensor contributes.
+numbers only, so that a State is a value. The information of nodes that leave the window on the remaining nodes stays as
+a prior (Schur complement). A further prior without each sensor shows how much that sensor contributes.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     import gtsam
 
 GAUGE = 1e-5
-"""Standard deviation [m], [rad] of what the first pose defines: it only keeps equations solvable."""
+"""Standard deviation [m], [rad] of the first pose, which defines the world: it only keeps equations solvable."""
 UNPLACED_M, UNTURNED, TILTED = 100.0, 0.5, 0.15
 """Standard deviations at the start: of a place and a heading by fixes [m], [rad], and of up by an IMU [rad]."""
 BLIND = np.diag([50.0, 50.0, 50.0, 0.5, 0.5, 0.5]) ** 2
 """Covariance of a motion that nothing measured."""
 LAST_FACTORS = 6
-"""So many of a sensor count for its misfit."""
+"""Number of the last factors of a sensor from which its misfit is computed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Of the last node of a window."""
+    """The uncertainty of the last node of a window."""
 
     covariance: Array
     """(6, 6) of the rig's pose."""
@@ -49,7 +49,7 @@ class Uncertainty:
 
 
 class WindowGraph:
-    """The unknowns of the nodes of a window, and what is known of them."""
+    """The unknowns of the nodes of a window, with their factors and prior."""
 
     relaxed: float
     """Information added where nothing holds a parameter."""
@@ -91,19 +91,18 @@ class WindowGraph:
         return node
 
     def change_from(self, nodes: tuple[Node, ...]) -> Callable[[gtsam.Values], Array]:
-        """Returns what gives the change (K D,) of K nodes from their estimates to other values."""
+        """Returns a function that gives the change (K D,) of K nodes from their estimates to other values."""
         known = [(v, v.key(node), v.of(node, self.rig_from_body)) for node in nodes for v in self.variables]
         return lambda values: np.concatenate([v.difference(then, v.at(values, key)) for v, key, then in known])
 
     # Factors.
 
     def absolute_factors(self, before: Node | None, now: Node) -> list[Factor]:
-        """Returns the factors of what sensors observed at a node."""
+        """Returns the factors of observations at a node."""
         return self._sensor_factors("absolute", before, now)
 
     def relative_factors(self, before: Node | None, now: Node) -> list[Factor]:
-        """Returns the factors of what sensors observed of the motion to a node, those with unknowns of their own
-        last."""
+        """Returns the factors of observations of the motion to a node. Factors with additional unknowns come last."""
         return self._sensor_factors("relative", before, now)
 
     def _sensor_factors(self, measures: str, before: Node | None, now: Node) -> list[Factor]:
@@ -125,7 +124,7 @@ class WindowGraph:
     # The prior.
 
     def first_covariance(self, first: Pose, tilt_rad: float) -> Array:
-        """Returns the covariance (6, 6) of the first pose: the gauge, and what the start does not know well.
+        """Returns the covariance (6, 6) of the first pose: that of the gauge, and that of the start.
 
         `tilt_rad`: standard deviation of up, of a rig without an IMU."""
         place, heading = (UNPLACED_M, UNTURNED) if "gnss" in self.sensors else (GAUGE, GAUGE)

@@ -6,12 +6,12 @@ The steps, in the order of this file:
 
 1. Sparse image alignment (section IV-A of 2014): the motion since the last image is the one under which small patches
    around all known corners keep their intensities. No corner is matched by itself.
-2. Feature alignment (IV-B): each corner's patch, as its keyframe shows it and warped as its plane would look from here,
-   is found again near where this motion puts it, by inverse compositional Lucas-Kanade. Patches come from the keyframe
-   that saw the corner first, so that places do not drift from image to image.
-3. Pose refinement (IV-C): the pose under which the 3-D points lie best where their corners were found.
-4. Mapping (V): where the view has changed, the frame becomes a keyframe. New corners get their depth from the pair at
-   once, which replaces SVO's depth filter, and known points are averaged with what the new pair says of their depth.
+2. Feature alignment (IV-B): each corner's patch in its keyframe is warped to the present view as a plane, and aligned
+   near the predicted position by inverse compositional Lucas-Kanade. Patches come from the keyframe that observed the
+   corner first, so that positions do not drift from image to image.
+3. Pose refinement (IV-C): the pose with the least reprojection errors of the 3-D points.
+4. Mapping (V): if the view has changed, the frame becomes a keyframe. New corners get their depth from the pair at
+   once, which replaces SVO's depth filter. Depths of known points are averaged with those of the new pair.
 
 Limits. As `direct`, the method needs motions near one of its guesses and intensities that stay; as any method with
 corners, it needs texture. A large object that moves with most corners is taken for the scene. No pose is revised later:
@@ -56,17 +56,18 @@ from ispom.types import (
 )
 
 PATCH = square_patch(4)
-"""Of sparse alignment, as in SVO; feature alignment has 11 x 11 pixels."""
+"""Patch of sparse alignment, as in SVO; that of feature alignment has 11 x 11 pixels."""
 MAX_SHIFT_PX = 5.0
 """Feature alignment moves a corner by no more."""
 MIN_CORRELATION = 0.8
-"""Of a patch with where it is found."""
+"""Least correlation of a patch with the image at the position that was found."""
 MIN_DISTANCE_PX = 10.0
-"""Between corners."""
+"""Least distance between corners."""
 MIN_DISPARITY_PX, MAX_DEVIATION_PX = 0.5, 0.5
 """Corners with a smaller disparity, or a larger standard deviation of it, have no depth."""
 LEAST_DEVIATION_PX = 0.1
-"""Of a disparity: matching says less where texture is strong, but rectification is no better than this."""
+"""Least standard deviation of a disparity. Matching states less where texture is strong, but rectification is no
+better than this."""
 LOSS_PX = 0.7
 """Width of the robust loss of a reprojection error, about twice the deviation of a corner."""
 MAX_KEYFRAMES = 5
@@ -114,13 +115,13 @@ class HybridConfig:
     max_points: Annotated[int, Range(50, 3000), WorthTrying((2,))] = 400
     """Corners that are followed at a time."""
     min_inliers: Annotated[int, Range(6, 500)] = 20
-    """With fewer corners that agree with one pose a frame is not located."""
+    """Least number of corners that agree with one pose; with fewer a frame is not located."""
     max_error_px: Annotated[float, Range(0.3, 20), WorthTrying((2,))] = 2.0
     """Largest reprojection error of an inlier [px]."""
     keyframe_left: Annotated[float, Range(0.1, 1)] = 0.7
-    """With a smaller share of the last keyframe's corners the frame becomes a keyframe."""
+    """Share of the last keyframe's corners below which the frame becomes a keyframe."""
     keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 4.0
-    """With a larger median displacement of the corners the frame becomes a keyframe [% of the image's width]."""
+    """Median displacement of the corners above which the frame becomes a keyframe [% of the image's width]."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail before a new segment starts from the last pose."""
 

@@ -1,7 +1,7 @@
 """The hybrid method with one camera and a map of its own, as printed (Forster, Pizzoli and Scaramuzza, SVO, 2014).
 
-Alignment of sparse patches, of features and of the pose are those of `hybrid.py`. What a pair gives there, the depth of
-new corners, comes from motion here. The steps, in the order of this file:
+Sparse alignment, feature alignment and pose refinement are those of `hybrid.py`. Depths of new corners come from motion
+here, where they come from the pair there. The steps, in the order of this file:
 
 1. The first map: corners are followed until two images and those between them give one (`first_map.py`).
 2. Seeds: new corners of a keyframe are followed, and become points of the map once their rays from the keyframe and
@@ -70,7 +70,7 @@ class HybridMonocularConfig:
     max_points: Annotated[int, Range(50, 3000), WorthTrying((2,))] = 400
     """Corners that are followed at a time, with and without a depth."""
     min_inliers: Annotated[int, Range(8, 500)] = 20
-    """With fewer corners that agree with one pose a frame is not located."""
+    """Least number of corners that agree with one pose; with fewer a frame is not located."""
     max_error_px: Annotated[float, Range(0.3, 20), WorthTrying((2,))] = 2.0
     """Largest reprojection error of an inlier [px]."""
     start_moved: Annotated[float, Range(0.2, 30)] = 1.0
@@ -78,9 +78,9 @@ class HybridMonocularConfig:
     min_parallax_deg: Annotated[float, Range(0.1, 20)] = 1.5
     """Angle between two rays from which a corner becomes a point of the map [degrees]."""
     keyframe_left: Annotated[float, Range(0.1, 1)] = 0.8
-    """With a smaller share of the last keyframe's points the frame becomes a keyframe."""
+    """Share of the last keyframe's points below which the frame becomes a keyframe."""
     keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 4.0
-    """With a larger median displacement of the corners the frame becomes a keyframe [% of the image's width]."""
+    """Median displacement of the corners above which the frame becomes a keyframe [% of the image's width]."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
     """Frames that may fail before a new segment starts from the last pose."""
 

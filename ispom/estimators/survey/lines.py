@@ -59,10 +59,10 @@ from ispom.types import Check, Decision, Frame, Image, ImageLines, Rig, Tracks, 
 INLIER = 4.0
 """An end is an inlier within this number of standard deviations."""
 WIDTH = 2.0
-"""Of the loss, in standard deviations."""
+"""Width of the loss, in standard deviations."""
 MIN_DISPARITY_PX, MAX_DISPARITY_SIGMA_PX = 2.0, 1.0
 MAX_BASELINES = 4.0
-"""Displacement over which errors of disparities grow, in baselines: what is near the motion's axis shifts less."""
+"""Largest displacement over which errors of disparities grow, in baselines: lines near the motion's axis shift less."""
 AGEING, CONTRADICTION = 1.2, 4.0
 """Growth of the standard deviation of a known disparity from pair to pair; and difference of a new one, in standard
 deviations, that replaces it."""
@@ -98,9 +98,9 @@ class LinesConfig(SegmentSettings):
     min_length: Annotated[float, Range(0.5, 20), WorthTrying((0.5,))] = 2.0
     """Least length of a segment [% of the image's width]."""
     min_inliers: Annotated[int, Range(4, 200)] = 10
-    """With fewer lines that fit one pose the pair is lost."""
+    """Least number of lines that fit one pose; with fewer the pair is lost."""
     min_share: Annotated[float, Range(0.05, 1)] = 0.35
-    """With a smaller share of matched lines that fit the pose, it is doubtful."""
+    """Share of matched lines that fit the pose below which it is doubtful."""
     min_views: Annotated[int, Range(2, 20)] = 3
     """Lines seen in this number of pairs are in the map."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
@@ -189,7 +189,7 @@ class Lines(OneKind["Memory | None"]):
     def _sigma(self, sigma_px: Array, moved: float) -> Array:
         """Returns the standard deviations (N, 2) of projected ends from observed lines, normalised.
 
-        Errors of disparities shift the projection after a displacement as they do from left to right.
+        After a displacement, errors of disparities shift the projection as they do between the left and right image.
         """
         depth = sigma_px * min(moved / self.rig.baseline_m, MAX_BASELINES)
         return np.hypot(NOISE_PX, depth) / self.rig.camera("left").fx
@@ -243,8 +243,8 @@ class Lines(OneKind["Memory | None"]):
     def _fused(
         self, pose: Pose, kept: SceneLines, disparity: Array, sigma: Array, good: NDArray[np.bool_]
     ) -> SceneLines:
-        """Returns known lines with the ends of this pair's segments: their disparities are the weighted means of what
-        was known and of what this pair shows."""
+        """Returns known lines with the ends of this pair's segments. Their disparities are weighted means of the
+        earlier values and those of this pair."""
         camera = self.rig.camera("left")
         strength = camera.fx * self.rig.baseline_m
         before = strength / depths_on_lines(camera.normalise(kept.uv.reshape(-1, 2)), pose.inverse().apply(kept.xyz))

@@ -68,13 +68,13 @@ FIRST_WIDTH = 10.0
 DEPTH_FACTOR = 2.0
 """Standard deviation of a projected end over that of an observed one: places of lines are not exact, either."""
 NORMAL_PX = 2.0
-"""By which the middle of a segment may be off in the linear equations of three views; rotations are not exact."""
+"""Largest error of the middle of a segment in the linear equations of three views; rotations are not exact."""
 MIN_PARALLAX_PX = 2.5
 """Least displacement of a line across itself, without that by the rotation, for its place to be known."""
 MIN_FIT = 0.35
 """Share of the lines of three views that must fit one motion."""
 MAX_MISSED = 4
-"""Frames without its segment after which a line is given up."""
+"""Number of frames without its segment after which a line is discarded."""
 EARLY_SHARE = 0.4
 """Share of the setting `key_share` before the start."""
 FIXED = 2
@@ -121,11 +121,11 @@ class LinesMonocularConfig(SegmentSettings):
     min_length: Annotated[float, Range(0.5, 20), WorthTrying((0.5,))] = 3.0
     """Least length of a segment [% of the image's width]."""
     min_inliers: Annotated[int, Range(6, 200)] = 12
-    """With fewer lines that fit one pose the frame is lost; a start needs as many."""
+    """Least number of lines that fit one pose; with fewer the frame is lost. A start needs as many."""
     key_moved: Annotated[float, Range(0.1, 10), WorthTrying((0.5,))] = 1.0
     """Lines that moved by more than this across themselves make a key view [% of the image's width]."""
     key_share: Annotated[float, Range(0.1, 1)] = 0.6
-    """With a smaller share of the last key view's lines, the frame becomes one."""
+    """Share of the last key view's lines below which the frame becomes a key view."""
     window: Annotated[int, Range(3, 20), WorthTrying((2,))] = 7
     """Key views that are adjusted together."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
@@ -165,7 +165,7 @@ class Memory:
     lines: SceneLines
     """Seen in it."""
     waiting: SceneLines
-    """Not seen in it, though their points were followed."""
+    """Lines that were not found in that frame, though their points were followed."""
     next_id: int
     views: tuple[View, ...]
     map: LineMap

@@ -13,8 +13,8 @@ The steps, in the order of this file:
 5. A window of frames is adjusted together with the inverse depths of all points (`ispom.solvers.generalised`).
 6. Is the scale observable? Its relative standard deviation is that of the best known length in the window, from the
    normal equations. Overlap makes it small, and so do rotations of a rig whose cameras do not overlap; on the straight
-   it is not. There it is held, and the check says so: the unit is then that of before, or of the guess. Where the
-   images know the scale roughly, and want it many standard deviations off the one that is held, it is found anew.
+   it is not. There the scale is fixed, and the check says so: the unit is then the earlier one, or the guess. If the
+   images determine the scale roughly, and contradict the fixed one by many standard deviations, it is estimated again.
 
 Limits: observations lie on the plane z = 1, so directions at 90 degrees from an axis or more are not used; all cameras
 expose at the same time; nothing is relocalised; a point that leaves a camera is a new one in the next camera. Until the
@@ -77,7 +77,7 @@ from ispom.types.measurements import CAMERAS
 
 FOLLOW = Klt(window_px=13, levels=4)
 MIN_DISTANCE_PX = 8.0
-"""Between corners."""
+"""Least distance between corners."""
 KNOWN_PX = 2.0
 """A point takes part in the resection where the uncertainty of its depth moves it less than this in the image."""
 OUTLIER_PX = 3.0
@@ -85,7 +85,7 @@ OUTLIER_PX = 3.0
 SCALE_DRIFT = 0.001
 """Relative standard deviation with which the scale may change from frame to frame by itself."""
 SHOWN_SIGMA = 0.2
-"""Of a depth, relative: points of the scene that are shown."""
+"""Largest relative standard deviation of the depth of points that are shown."""
 NEW_BELOW = 0.8
 """New corners are detected in a camera where it has less than this share of those wanted."""
 LEAST_ESSENTIAL = 15
@@ -95,16 +95,17 @@ SPARE = 2
 LEAST_RATIOS = 5
 """Observations by two cameras from which a guessed scale is corrected."""
 MOST_SIGMA = 100.0
-"""What is reported of a scale that nothing determines."""
+"""Relative standard deviation that is reported for a scale that nothing determines."""
 
 CONTRADICTED, KNOWN_CONTRADICTED = 3.0, 5.0
-"""A guessed scale, or one that was known, that is so many standard deviations off is found anew."""
+"""Standard deviations by which images must contradict a scale before it is estimated again: of a guessed scale, and of
+one that was known."""
 ROUGHLY = 2.0
 """Multiple of `max_scale_sigma` up to which images may contradict a scale."""
 SETTLING = 5
-"""Adjustments without a held scale: it moves slowly."""
+"""Number of optimisations without a fixed scale, which changes slowly."""
 SETTLED = 0.01
-"""They end where it changes by less, relatively."""
+"""Relative change of the scale below which these optimisations end."""
 
 PARALLAX = Check(
     "parallax", "parallax of the first motion", "requirement", "First motion known?", unit="px", topic="map",
@@ -168,7 +169,7 @@ class MulticameraConfig:
     assumed_depth_m: Annotated[float, Range(0.01, 1000)] = 10.0
     """Median depth of the first points where the scale is not observable: a guess [m]."""
     min_inliers: Annotated[int, Range(6, 500)] = 15
-    """With fewer inliers in all cameras the rig is not located."""
+    """Least number of inliers in all cameras together; with fewer the rig is not located."""
 
     def build(self, rig: Rig) -> Multicamera:
         return Multicamera(rig, checked(self))
@@ -197,8 +198,8 @@ class Memory:
     scale_known: bool = False
     """The scale was observable at some time in this segment; else it is a guess."""
     unit_sigma: float = 1.0
-    """With which the scale is held, relative: by all windows of the segment as if they were independent, so that it is
-    steady; 1 while it is a guess."""
+    """Relative standard deviation of the prior on the scale. It takes all windows of the segment as independent, so
+    that the scale is steady. 1 while the scale is a guess."""
     metre_sigma: float | None = None
     """Relative standard deviation of the unit, as a metre; None while it is a guess."""
     twist: Array = field(default_factory=lambda: np.zeros(6))
@@ -235,7 +236,7 @@ class Multicamera(OneKind["Memory | None"]):
 
     @cached_property
     def overlaps(self) -> dict[tuple[int, int], Overlap]:
-        """By the numbers of both cameras."""
+        """Returns the overlaps by the numbers of both cameras."""
         names, found = self.cameras.names, dict[tuple[int, int], Overlap]()
         for a, first in enumerate(names):
             for b, second in enumerate(names):
@@ -423,9 +424,9 @@ class Multicamera(OneKind["Memory | None"]):
     # Steps 5 and 6: the window, and whether it determines the scale
 
     def _adjusted(self, memory: Memory) -> tuple[Adjusted, bool, tuple[Decision, ...], float, float | None]:
-        """Returns the adjusted window, whether the scale is known for the first time or anew, the checks of it, the
+        """Returns the optimised window, whether the scale was determined for the first time or again, its checks, the
         standard deviation of the scale from this window and those before (a Kalman filter of one number, whose update
-        is part of the adjustment), and that of the unit as a metre."""
+        is part of the optimisation), and that of the unit relative to the metre."""
         noise, window = self.config.noise_px, memory.window
         prior_sigma = float(np.hypot(memory.unit_sigma, SCALE_DRIFT)) if memory.scale_known else SCALE_DRIFT
         if not memory.scale_known:
@@ -447,8 +448,8 @@ class Multicamera(OneKind["Memory | None"]):
     def _metre(self, memory: Memory, found: Adjusted, anew: bool) -> float | None:
         """Returns the relative standard deviation with which the unit is a metre, after an adjusted window.
 
-        A keyframe is in as many windows as there are frames in one, and its observations shall count once: what a
-        window knows counts by one over its frames, and only where it has another keyframe.
+        A keyframe is in as many windows as a window has frames, and its observations must count once. So the
+        information of a window is divided by its number of frames, and counts only if its newest frame is a keyframe.
         """
         if memory.metre_sigma is None or anew:
             return found.scale_sigma
@@ -459,8 +460,8 @@ class Multicamera(OneKind["Memory | None"]):
     def _contradiction(
         self, found: Adjusted, prior_sigma: float, known: bool
     ) -> tuple[tuple[Decision, ...], Adjusted | None]:
-        """Returns whether the images agree with the scale that was held, where they can tell, and the adjustment
-        without it where they do not."""
+        """Returns whether the images agree with the fixed scale, if they determine it; if they do not agree, also the
+        optimised window without the fixed scale."""
         roughly = ROUGHLY * self.config.max_scale_sigma
         if found.scale_sigma > roughly:
             return (), None
@@ -505,8 +506,8 @@ class Multicamera(OneKind["Memory | None"]):
         return replace(scaled(alone.window, float(np.median(every)) if agree else 1.0), other=window.other)
 
     def _without_outliers(self, memory: Memory, adjusted: Adjusted) -> tuple[Memory, Array]:
-        """Ends tracks that are off in the newest frame, and drops such observations by second cameras; returns the
-        errors (M,) [px] of the others in the newest frame, too."""
+        """Ends tracks that are outliers in the newest frame, and drops outliers of second cameras. Also returns the
+        errors (M,) [px] of the other tracks in the newest frame."""
         window, seen = memory.window, adjusted.seen
         own, other, uv = window.own.copy(), window.other.copy(), memory.uv.copy()
         newest, off = seen.frame == len(own) - 1, adjusted.errors_px > OUTLIER_PX
@@ -521,8 +522,8 @@ class Multicamera(OneKind["Memory | None"]):
         return replace(memory, window=replace(window, own=own, other=other), uv=uv), residual
 
     def _shortened(self, memory: Memory, before: Memory, time_ns: int) -> Memory:
-        """Drops the frame before the newest one unless it is a keyframe, the oldest one of too many, and points that
-        nothing is left of; says whether the newest frame is a keyframe, and keeps its velocity."""
+        """Drops the frame before the newest one unless it is a keyframe, the oldest frame if there are too many, and
+        points without observations. Decides whether the newest frame is a keyframe, and keeps its velocity."""
         seconds = (time_ns - before.time_ns) * 1e-9
         twist = (before.last_pose.inverse() @ memory.last_pose).log() / seconds if before.located else np.zeros(6)
         if not before.newest_is_key and len(memory.window.rotations) > 2:
@@ -625,7 +626,7 @@ class Multicamera(OneKind["Memory | None"]):
 
 
 def _length(window: Window) -> float:
-    """From the first frame of the window to the last."""
+    """Returns the distance from the first frame of the window to the last."""
     return max(float(np.linalg.norm(window.translations[-1] - window.translations[0])), 1e-12)
 
 

@@ -11,7 +11,8 @@ order of this file:
    least squares on the sphere (Kabsch with weights).
 3. A frame that sees two key images which were never compared compares them: so a turn closes. The orientations of all
    key images are then averaged over all comparisons, and with them those of all earlier frames.
-4. The frame is registered to all key images near it at once; where it sees much that none of them has, it is the next.
+4. The frame is registered to all near key images at once. If a large part of its view is in none of them, it becomes
+   the next key image.
 5. A check compares the matches that one rotation explains with those that a rotation and a translation do. Where it
    fails, it is tried whether another focal length would make it a rotation.
 
@@ -66,11 +67,11 @@ FEATURES = {"sift": (SIFT, SIFT_MATCHER), "orb": (ORB, ORB_MATCHER)}
 COMPARED = 4
 """Key images that a frame is compared with: those whose axes are nearest to the predicted one."""
 SAMPLES = 200
-"""Of two matches; where 25 % of them are right, 200 samples hold a right one at 99.99 %."""
+"""Number of samples of two matches. If 25 % of the matches are right, one of 200 samples is right at 99.99 %."""
 ITERATIONS = 6
-"""Of weighted least squares, each with new weights."""
+"""Iterations of weighted least squares, each with new weights."""
 RIGID_SAMPLES = 300
-"""Of seven matches, for the check `rotation_only`: a failure of the sampling makes the check pass, not fail."""
+"""Number of samples of seven matches for the check `rotation_only`. If sampling fails, the check passes."""
 FOCAL_FACTORS = np.geomspace(0.4, 2.5, 21)
 """Focal lengths that are tried: from a guess for any lens of a telephone or a video camera."""
 NOISE_PX = 1.0
@@ -139,15 +140,16 @@ class PanoramaConfig:
     max_error_px: Annotated[float, Range(0.3, 20)] = 2.0
     """Largest distance of an inlier in the middle of the image [px]."""
     min_inliers: Annotated[int, Range(8, 500)] = 20
-    """With fewer matches that agree with one rotation a frame is not registered."""
+    """Least number of matches that agree with one rotation; with fewer a frame is not registered."""
     key_angle: Annotated[float, Range(0.05, 0.6)] = 0.25
     """A view farther from all key images than this share of the smaller field of view becomes one."""
     max_key_images: Annotated[int, Range(2, 400)] = 100
-    """The panorama grows no further; a full turn with a usual lens has 30. Of a reference, so many images are used."""
+    """Most key images of a panorama, and most images that are used of a reference. A full turn with a usual lens has
+    30 key images."""
     min_rotation_share: Annotated[float, Range(0.1, 1)] = 0.7
-    """Share of the matches of a rigid motion that a rotation must explain, or the camera is said to translate."""
+    """Least share of the matches of a rigid motion that a rotation must explain; with less the camera translates."""
     max_gap_deg: Annotated[float, Range(0.05, 45)] = 2.0
-    """A turn that closes with a larger gap [degrees] tells of a wrong focal length."""
+    """Largest gap [degrees] with which a full turn closes; a larger one shows a wrong focal length."""
     max_lost_frames: Annotated[int, Range(1, 1000)] = 30
     """Frames that may fail before a new panorama begins at the last orientation."""
 
@@ -171,7 +173,7 @@ class KeyImage:
 
     view: View
     first_id: int
-    """Of its features, which have the ids from it on."""
+    """Id of its first feature; the others have the ids that follow."""
     rotation: Array
     """(3, 3) world_from_camera."""
     rgb: NDArray[np.uint8]
@@ -210,7 +212,7 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How a frame lies to a key image."""
+    """The rotation of a frame relative to a key image."""
 
     number: int
     """Of the key image."""

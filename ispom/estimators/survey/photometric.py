@@ -1,4 +1,4 @@
-"""What the methods `direct` and `hybrid` share: the pose between two images from their intensities.
+"""The relative pose of two images from their intensities, for the methods `direct` and `hybrid`.
 
 Points of a reference image have a depth. A pose carries the small patches around them into another image, where their
 intensities should be those of the reference, up to one gain and one offset of the whole image. Gauss-Newton finds the
@@ -27,15 +27,16 @@ MAX_LEVELS = 6
 FREEDOM = 5.0
 """Degrees of freedom of the t-distribution of residuals: Kerl 2013 measured this on real images."""
 LEAST_SCALE = 1.0
-"""Least standard deviation of a residual [grey levels]: noise of a camera, and what interpolation adds."""
+"""Least standard deviation of a residual [grey levels]: noise of the camera and of interpolation."""
 START_SCALE = 20.0
-"""Width of the loss [grey levels] by which guesses are compared: what a contour of the scene differs by."""
+"""Width of the loss [grey levels] by which guesses are compared: the contrast of a contour of the scene."""
 LEAST_SEEN = 0.3
 """Share of the reference's pixels that must lie inside of the image: a pose that sees fewer is no candidate."""
 GAINS = 0.3, 3.0
 """Smallest and largest gain: beyond, one of the images is saturated or black."""
 MIN_CORRELATION = 0.7
-"""Of a patch with the image where the motion carries it; less is another thing, or occluded."""
+"""Least correlation of a patch with the image at its predicted position. With less, the patch is occluded, or shows
+something else."""
 GOOD, FOLLOWED = 0.6, 3
 """Share of similar patches from which no other guess is tried, and the number of those that are followed to the end."""
 FORWARD = (-0.1, -0.03, 0.03, 0.1)
@@ -71,7 +72,7 @@ def guesses_around(predicted: Pose, last: Pose, depth: Array) -> tuple[Pose, ...
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """How the reference lies in another image. N points, patches of P pixels."""
+    """The alignment of the reference with another image: N points with patches of P pixels."""
 
     pose: Pose
     """image_from_reference."""
@@ -91,8 +92,8 @@ class Alignment:
         return self.correlation >= MIN_CORRELATION
 
     def moved(self, camera: Camera, uv: Array, depth: Array, image: Image, pose: Pose) -> Alignment:
-        """Returns the alignment under a pose nearby, from the points uv (N, 2) [px] of the reference with depths (N,)
-        and the image; the correlations are left as they are."""
+        """Returns the alignment for a pose nearby, from the points uv (N, 2) [px] of the reference with depths (N,) and
+        the image. The correlations are unchanged."""
         return replace(self, pose=pose, uv=_places(camera, uv, depth, image, pose))
 
 
@@ -218,7 +219,7 @@ def _brightness(camera: Camera, level: Level, image: Image, pose: Pose) -> tuple
 
 
 def _cost(camera: Camera, level: Level, image: Image, pose: Pose, gain: float, offset: float) -> float:
-    """Returns the mean robust cost; a pixel outside of the image costs as much as one that is one width off."""
+    """Returns the mean robust cost. A pixel outside of the image costs as much as a residual of one loss width."""
     residuals = (gain * level.intensity + offset - _values(camera, level, image, pose)) / START_SCALE
     seen = np.isfinite(residuals)
     if seen.mean() < LEAST_SEEN:

@@ -5,10 +5,10 @@ each motion is two translations and one rotation about the camera's y axis. Poin
 motion is the one that carries them onto their images in the present pair, by Gauss-Newton with a robust loss
 (Scaramuzza and Fraundorfer, Visual Odometry, Part I, 2011, section "motion from 3-D to 2-D").
 
-What it ignores is its limit: on a hill, or with a camera that pitches and rolls, the rows of the image disagree with
-the plane. The check `out_of_plane` measures this; the path stays flat whatever the road does. After a pair that was not
-located it begins again where it was, in a new segment. KITTI 06: 2.7 % of the way in the first 51 pairs. The flight of
-sim:tiny, which is no motion in a plane, is lost in most pairs.
+Its limit is the motion out of the plane: on a hill, or with a camera that pitches and rolls, the rows of the image
+contradict it. The check `out_of_plane` measures this; the path stays flat whatever the road does. After a pair that was
+not located it starts again at the last position, in a new segment. KITTI 06: 2.7 % of the distance in the first 51
+pairs. The flight of sim:tiny, which is no motion in a plane, is lost in most pairs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Frame, Image, Landmarks, Rig, Tracks, TrackStatus, as_grey, by_key, colours_at
 
 ITERATIONS = 15
-"""Of Gauss-Newton; from the last motion it needs about five."""
+"""Most iterations of Gauss-Newton; from the last motion it needs about five."""
 LOSS_PX = 1.0
 """Width of the robust loss: about twice the deviation of tracked corners."""
 INLIER_PX = 3.0
@@ -40,7 +40,8 @@ INLIER_PX = 3.0
 NOTHING = np.zeros(0, np.int64), np.zeros((0, 2), np.float32), np.zeros((0, 3))
 """Ids, places and points of none."""
 MIN_DISPARITY_PX = 2.0
-"""A depth from a smaller disparity is off by a quarter and more at half a pixel."""
+"""Least disparity for a depth: with a smaller one, an error of half a pixel is one of a quarter of the depth and
+more."""
 
 INLIERS = Check(
     "planar_inliers",
@@ -80,7 +81,7 @@ class PlanarConfig:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """The last pair, with its points in the left camera, and where it is."""
+    """The last pair, with its pose and its points in the left camera."""
 
     grey: Image
     ids: NDArray[np.int64]

@@ -77,28 +77,28 @@ VIEWS = 3
 SIGNIFICANCE = 3.0
 """Least ratio of a new point's inverse depth and its standard deviation."""
 FIXED_KEYFRAMES = 2
-"""They fix position, rotation and unit of a bundle adjustment."""
+"""Number of keyframes that are fixed in a bundle adjustment: they define position, rotation and unit."""
 ITERATIONS = 10
-"""Of a bundle adjustment, at most."""
+"""Most iterations of a bundle adjustment."""
 THIN = 4
-"""With fewer inliers than so many times the least number each frame is a keyframe, as the map needs points."""
+"""Multiple of `min_inliers` below which the inliers are few: each frame is a keyframe then, as the map needs points."""
 LOSS_FACTOR = 3.0
 """Width of the loss over the standard deviation of a feature's position: 0.5 px at 1.5 px."""
 MIN_DISTANCE_PX = 4.0
-"""Of a new feature from the others: FAST corners, of which only a part is found again, come in clusters."""
+"""Least distance of a new feature from the others: FAST corners, of which only a part is found again, form clusters."""
 MIN_ANGLE_RAD = np.radians(0.5)
 """Least parallax of a point of the first map."""
 EARLY_SHARE = 0.5
-"""Share of the parallax that is enough before the first map where many points are gone: near ones, which move most,
-leave first, and the parallax of those that are left may never get larger."""
+"""Share of the required parallax that is enough before the first map if many points were lost. Near points, which move
+most, leave the image first, and the parallax of the others may never get larger."""
 MIN_BUNDLE_POINTS = 10
-"""With fewer points a bundle adjustment hardly improves the poses."""
+"""Least number of points for a bundle adjustment; with fewer it hardly improves the poses."""
 MIN_INLIER_SHARE = 0.3
-"""With fewer of the points in view a pose may be that of something that moves, or of none."""
+"""Least share of the points in view that must be inliers; with less a pose may be that of a moving object, or wrong."""
 MIN_DEPTH_SHARE = 0.1
 """Least predicted depth, relative to the unit, of a point that is searched for: others may be passed."""
 MIN_EPIPOLAR_SHARE = 0.5
-"""With fewer inliers the relative pose explains a minority of the points."""
+"""Least share of inliers of a relative pose; with less it explains a minority of the points."""
 NONE = np.zeros(0, np.int64), np.zeros((0, 2), np.float32)
 """Ids and places of no features."""
 
@@ -148,7 +148,7 @@ class PointsConfig:
     max_error_px: Annotated[float, Range(0.2, 10), WorthTrying((2,))] = 1.5
     """Largest distance from an epipolar line, and half of the largest reprojection error, of an inlier [px]."""
     min_inliers: Annotated[int, Range(8, 500)] = 15
-    """With fewer points that fit its pose a frame is not located."""
+    """Least number of points that fit the pose; with fewer a frame is not located."""
     min_parallax_deg: Annotated[float, Range(0.05, 20), WorthTrying((0.5,))] = 1.0
     """Median displacement of the points since the last keyframe, without rotation, that makes the next one [deg]."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.7
@@ -167,7 +167,7 @@ class Memory:
     """The features that are searched for next, the last keyframes, and their points."""
 
     grey: Image | None = None
-    """In which the features are: the last frame for trackers, the last keyframe for descriptors."""
+    """The image of the features: the last frame for trackers, the last keyframe for descriptors."""
     ids: NDArray[np.int64] = field(default_factory=lambda: NONE[0])
     """(N,) ascending."""
     uv: NDArray[np.float32] = field(default_factory=lambda: NONE[1])
@@ -181,7 +181,7 @@ class Memory:
     time_ns: int = 0
     """Of the last located frame."""
     world_from_camera: Pose = Pose()
-    """Of the last located frame; the origin before it."""
+    """Pose of the last located frame; the origin before the first one."""
     velocity: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) twist per second on the right of the pose."""
     unit: float = 1.0
@@ -192,7 +192,7 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a frame changed."""
+    """The result of one frame."""
 
     keyframes: tuple[TrackedFrame, ...]
     points: ScenePoints
@@ -240,7 +240,7 @@ class Points(OneKind[Memory]):
             new_uv = front.detector.detect(grey, self.config.max_points, tracked.uv[tracked.alive], MIN_DISTANCE_PX)
         watch.lap("detect")
         after = self._after(memory, found, tracked, grey, new_uv, frame.time_ns)
-        if after.grey is not grey:  # what was not matched may be matched in the next frame: it did not end
+        if after.grey is not grey:  # a feature without a match may be matched in the next frame: it did not end
             tracked = tracked.only(tracked.status != TrackStatus.LOST)
         landmarks = _landmarks(after, frame) if found.is_keyframe else Landmarks.empty()
         return after, Result(

@@ -30,8 +30,8 @@ NEIGHBOURS = (0, 1, 3, 6, 10)
 SAME_VIEW_COSINE = np.cos(np.radians(50.0))
 """Least cosine between the axes of two images that are matched: descriptors hardly match over more."""
 MIN_SIGNIFICANCE = 5.0
-"""Least ratio of a point's inverse depth to its standard deviation. Such a point is off by at most about 1 px in a
-frame that is as far from the reference image as its neighbours are."""
+"""Least ratio of a point's inverse depth to its standard deviation. Such a point has an error of at most about 1 px in
+a frame that is as far from the reference image as its neighbours are."""
 NOISE_PX = 1.0
 """Standard deviation of the position of a feature [px]."""
 MIN_FIT = 0.3
@@ -56,7 +56,7 @@ class View:
 
     @staticmethod
     def of(grey: Image, camera: Camera, descriptor: Descriptor, most: int) -> View:
-        """Returns at most so many features of an image, those with a ray."""
+        """Returns at most `most` features of an image, without those that have no ray."""
         features = descriptor.detect_and_describe(grey, most).compact()
         features = features[np.arange(min(len(features), most))]
         rays, valid = camera.unproject(features.uv.astype(float))
@@ -148,8 +148,8 @@ class Extraction:
 def read_reference(folder: str, extraction: Extraction) -> Reference:
     """Reads a folder of images with their poses and camera, in any format of one that the project opens.
 
-    It is data of somebody: what it names, or links to, outside of it is not read. Raises InputError where it is no such
-    folder, or its poses do not fit its images.
+    The folder may come from somebody else, so files outside of it that it names or links to are not read. Raises
+    InputError where it is no such folder, or its poses do not fit its images.
     """
     path = expanded(folder)
     if not inside(path):

@@ -1,4 +1,4 @@
-"""What the methods of lines share: segments of an image, lines of the scene, their directions, and the map of lines."""
+"""Common parts of the methods of lines: segments of an image, lines of the scene, directions, and the map of lines."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ VANISHING_PX = 1.5
 SAME_DIRECTION_RAD = np.radians(12.0)
 """Vanishing directions that differ by less are the same direction."""
 RIGHT_ANGLE_RAD = np.radians(3.0)
-"""What differs from a right angle by less is one in a Manhattan world."""
+"""Largest difference from a right angle of directions in a Manhattan world."""
 MAX_DIRECTIONS, MAX_COUNT, MAX_MAPPED = 5, 10, 3000
 """Directions in the world, images that each is the mean of, and lines of the map."""
 WITHOUT_DIRECTION = MAX_DIRECTIONS

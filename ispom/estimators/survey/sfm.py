@@ -5,9 +5,9 @@ on, they are only collected. At the end the points of all tracks are intersected
 segment are adjusted together by one robust bundle adjustment (Triggs et al., Bundle Adjustment: A Modern Synthesis,
 2000; Schoenberger and Frahm, Structure-from-Motion Revisited, 2016, without its search for image pairs).
 
-Its limits: points are those of tracks, so that a place that is seen again later is not recognised as the same; the
-focal length is that of the calibration; what is collected grows with the number of key images. The dense cloud of
-Table 1 is made by `ispom map` from the run.
+Its limits: points are those of tracks, so a place that is seen again later is not recognised; the focal length is that
+of the calibration; memory grows with the number of key images. `ispom map` makes the dense cloud of Table 1 from the
+run.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class SfmConfig:
     min_shared: Annotated[int, Range(6, 200)] = 15
     """A key image that shares fewer points with the last one begins a new segment."""
     iterations: Annotated[int, Range(1, 200)] = 40
-    """Of the bundle adjustment at the end, at most."""
+    """Most iterations of the bundle adjustment at the end."""
 
     def build(self, rig: Rig) -> Sfm:
         """Returns the estimator for the rig's video camera."""
@@ -63,7 +63,7 @@ class SfmConfig:
 
 @dataclass(frozen=True, eq=False)
 class KeyImage:
-    """A selected image: what was seen in it, and where `monocular` had it."""
+    """A selected image, with its observations and its pose by `monocular`."""
 
     time_ns: int
     ids: NDArray[np.int64]
@@ -82,11 +82,11 @@ class SfmState:
     last: KeyImage | None = None
     """None at the start, and where the visual method began a new segment since."""
     segment: int = 0
-    """That of the newest key image."""
+    """Segment of the newest key image."""
     worlds: tuple[int | None, ...] = (0,)
-    """Of each segment of the visual method: the segment that its first key image is in; None before that."""
+    """For each segment of the visual method, the segment of its first key image; None before that image."""
     joins: int | None = None
-    """The earlier segment whose world the visual method's newest one has, until a Step says so."""
+    """The earlier segment whose world the visual method's newest segment has, until a Step reports it."""
     last_ns: int | None = None
 
 

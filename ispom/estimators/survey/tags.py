@@ -81,7 +81,7 @@ OFF_EDGE_PX = 0.7
 MAX_REFINED_PX, MIN_SINE = 3.0, 0.2
 """Largest correction of a corner, and sine of the angle of its edges."""
 LOSS_PX = 2.0
-"""Width of the robust loss [px]: corners of blurred tags, or of bent paper, are off by so much."""
+"""Width of the robust loss [px]: the error of corners of blurred tags, or of bent paper."""
 PLAIN_PX = 1e3
 """Width of a loss that is quadratic for all errors that occur [px]."""
 FLOOR_PX = 0.1
@@ -93,7 +93,7 @@ SAME_RAD = np.radians(4.0)
 NEW_VIEW_RAD, NEW_VIEW_SHARE = np.radians(12.0), 0.2
 """Rotation, and displacement relative to the distance from the tags, from which on a view is a new one."""
 MAX_SIGHTINGS, MAX_TAGS = 6, 100
-"""Of a tag that is not known yet; and known ones, without those of a map."""
+"""Most observations of a tag that is not known yet; most known tags, without those of a map."""
 ITERATIONS, TOLERANCE = 30, 1e-5
 
 IN_IMAGE = Check(
@@ -199,7 +199,7 @@ class Memory:
     tags: tuple[Tag, ...] = ()
     """The surveyed ones, which are fixed; without any, the first one is the world."""
     surveyed: tuple[Tag, ...] = ()
-    """Those of the map with which it began."""
+    """Tags of the map that was given."""
     key_images: tuple[View, ...] = ()
     sightings: tuple[View, ...] = ()
     """Each of one tag that is not known yet."""
@@ -486,11 +486,11 @@ class Corners(Family[Poses]):
     """Errors of the corners of tags in key images, normalised: P tags in an image."""
 
     view: NDArray[np.int64]
-    """(P,) the key image, whose pose has the first columns,"""
+    """(P,) key image of each observation; its pose has the first columns."""
     tag: NDArray[np.int64]
-    """(P,) and the tag,"""
+    """(P,) tag of each observation."""
     column: NDArray[np.int64]
-    """(T,) and the first column of each tag; -1 for one that is fixed."""
+    """(T,) first column of each tag; -1 for a fixed tag."""
     corners: Array
     """(4, 3) in the tag."""
     x: Array
@@ -569,7 +569,7 @@ def _same(some: tuple[Tag, ...], others: tuple[Tag, ...]) -> bool:
 
 
 def _thinned(views: tuple[View, ...], most: int) -> tuple[View, ...]:
-    """Returns at most so many views: of two near ones, the older goes."""
+    """Returns at most `most` views: of the two nearest ones, the older is discarded."""
     while len(views) > most:
         poses = [view.camera_from_world for view in views]
         distances = [float(np.linalg.norm((a @ b.inverse()).log())) for a, b in pairwise(poses)]

@@ -46,9 +46,9 @@ from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, Landmarks, Rig, Tracks, TrackStatus, as_grey, by_key, colours_at
 
 FOLLOW = Klt(window_px=15, levels=4, max_forward_backward_px=0.5)
-"""From t-1 to t; near points move by tens of pixels."""
+"""Tracker from t-1 to t; near points move by tens of pixels."""
 CLOSE = Klt(window_px=15, levels=1, max_forward_backward_px=0.5)
-"""From left to right, from where the circle should close."""
+"""Tracker from left to right; it starts at the position that closes the circle."""
 MAX_CIRCLE_PX = 1.5
 """Largest distance between both ways from left t-1 to right t; either errs by some tenths of a pixel."""
 MAX_ROW_PX = 1.5
@@ -56,25 +56,25 @@ MAX_ROW_PX = 1.5
 MIN_DISPARITY_PX = 1.0
 """Points with a smaller disparity have hardly any depth."""
 MIN_DISTANCE_PX = 8.0
-"""Between features."""
+"""Least distance between features."""
 SAMPLES, SAMPLE_ITERATIONS = 100, 4
-"""With 60 % inliers, 20 samples of three suffice at 99 %."""
+"""Number of samples of three features, and iterations for each. With 60 % inliers, 20 samples suffice at 99 %."""
 ITERATIONS = 5
 FIRST_SIGMA = np.array([30.0] * 3 + [1.5] * 3)
 """Standard deviations of the velocities before the first pair: a fast car [m/s], a hand-held camera [rad/s]."""
 STEP = np.array([1e-3] * 3 + [1e-4] * 3)
-"""Of the central differences: displacements [m] and rotations [rad]."""
+"""Steps of the central differences: displacements [m] and rotations [rad]."""
 RIGHT_STEP = 1e-5
-"""The same of the observation in the right image of t-1, normalised."""
+"""Step of the central difference by the observation in the right image of t-1, normalised."""
 NOW = np.array([[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 2.0, 0.0], [0.0, 1.0, 0.0, 2.0]])
 """(4, 4) covariance of the observations (u, v left, u, v right) of t by two searches with errors of size 1: from left
 t-1 to left t, and from there to right t."""
 LARGEST = np.array([5.0] * 3 + [0.5] * 3)
 """Step of an iteration: bad samples would go astray [m], [rad]."""
 BEHIND = 1e3
-"""Normalised coordinate of what is behind the camera: no inlier of anything."""
+"""Normalised coordinate for points behind the camera, so large that they are never inliers."""
 EXPECTED_SHARE = 0.5
-"""Of inliers; with fewer, more features may belong to something that moves than to the scene."""
+"""Share of inliers; with less, more features may belong to a moving object than to the scene."""
 SHOWN_BASELINES = 60
 """Depth up to which features are shown in the scene."""
 
@@ -118,7 +118,7 @@ class TrifocalConfig:
     rotation_acceleration_deg_s2: Annotated[float, Range(1, 5000)] = 200.0
     """The same of the angular velocity [degrees/s^2]; a car has 50, a drone hundreds."""
     min_inliers: Annotated[int, Range(6, 500)] = 12
-    """With fewer inliers the pair is not localised."""
+    """Least number of inliers; with fewer the pair is not localised."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail against the last localised one before a new segment starts from the last pose."""
 
@@ -157,7 +157,7 @@ class Memory:
     next_id: int
     world_from_rig: Pose = field(default_factory=Pose)
     changes: Changes = field(default_factory=Changes)
-    """What the errors of the tracks have changed the pose by."""
+    """Changes of the pose by the errors of the tracks."""
     velocity: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) of the left camera in its own axes: [m/s], [rad/s]."""
     covariance: Array = field(default_factory=lambda: np.diag(FIRST_SIGMA**2))
@@ -224,8 +224,8 @@ class Trifocal(OneKind["Memory | None"]):
     def _moved(
         self, memory: Memory, motion: Array, inliers: Features, changes: tuple[Array, Array]
     ) -> tuple[Pose, Changes]:
-        """Returns world_from_rig after the motion (6,) of the left camera, and by how much its tracks changed it;
-        `changes` of the motion are those of `changes_of`."""
+        """Returns world_from_rig after the motion (6,) of the left camera, and the changes of it by the tracks.
+        `changes` of the motion are the result of `changes_of`."""
         before_from_now, rig_from_left = pose_of(motion), self.rig.rig_from_left
         step = rig_from_left @ before_from_now @ rig_from_left.inverse()
         # From the axes of the left camera before to those now; the rotation within the step is small.
@@ -326,7 +326,7 @@ def follow(memory: Memory, left: Image, right: Image) -> tuple[Features, NDArray
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Where N features are seen in the pair before and in the pair now; each (N, 2) normalised."""
+    """Observations of N features in the previous and in the present pair; each (N, 2) normalised."""
 
     left_before: Array
     right_before: Array
@@ -353,7 +353,7 @@ def trifocal_tensor(rotation: Array, translation: Array, baseline_m: float) -> A
 
 def transferred(tensor: Array, views: Views) -> Array:
     """Returns (..., N, 2) normalised: x_k = x_i l_j T_i^jk, with the line l through the right observation at right
-    angles to its epipolar line, which is a row: l is a column. Points behind the camera are infinitely far off."""
+    angles to its epipolar line, which is a row: l is a column. Points behind the camera get the coordinate BEHIND."""
     one = np.ones((*views.left_before.shape[:-1], 1))
     point = np.concatenate([views.left_before, one], axis=-1)
     line = np.concatenate([one, 0 * one, -views.right_before[..., :1]], axis=-1)
@@ -384,7 +384,7 @@ def errors_of(motion: Array, views: Views) -> Array:
 
 
 def linearised(motion: Array, views: Views) -> tuple[Array, Array]:
-    """Returns the derivatives (..., 6, N, 4) of what motions (..., 6) predict, and the residuals (..., N, 4)."""
+    """Returns the derivatives (..., 6, N, 4) of the predictions of motions (..., 6), and residuals (..., N, 4)."""
     step = np.diag(STEP)
     ahead, back = (
         predictions(motion[..., None, :] + s, views[..., None, :, :]) for s in (step, -step)
@@ -394,7 +394,7 @@ def linearised(motion: Array, views: Views) -> tuple[Array, Array]:
 
 
 def normal_equations(motion: Array, views: Views, noise: float) -> tuple[Array, Array]:
-    """Returns the information (..., 6, 6) on motions (..., 6), and the gradient (..., 6) towards what is seen, with
+    """Returns the information (..., 6, 6) on motions (..., 6), and the gradient (..., 6) towards the observations, with
     independent transfer errors of one size."""
     jacobian, residuals = linearised(motion, views)
     information = np.einsum("...anm,...bnm->...ab", jacobian, jacobian) / noise**2
@@ -435,11 +435,11 @@ class Expected:
 
 
 def weighted(motion: Array, views: Views, noise: float) -> tuple[Array, Array]:
-    """Returns the derivatives (N, 4, 6) of what a motion (6,) predicts, and the residuals (N, 4), both in standard
-    deviations and independent: of observations with errors of the size `noise`.
+    """Returns the derivatives (N, 4, 6) of the predictions of a motion (6,), and the residuals (N, 4). Both are
+    whitened, for observations with the standard deviation `noise`.
 
-    An error in the right image of t-1 moves what is transferred into both images, and one in the left image of t moves
-    the right observation with it, which is found from there.
+    An error in the right image of t-1 moves the transferred points in both images. An error in the left image of t also
+    moves the right observation, because its search starts there.
     """
     jacobian, residuals = linearised(motion, views)
     step = np.array([RIGHT_STEP, 0.0])

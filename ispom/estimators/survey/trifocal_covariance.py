@@ -1,10 +1,10 @@
 """Covariance of a chain of motions whose tracks are seen in several of them.
 
-A pose is the product of all motions since the start. A track errs in each of them, and its errors are related: where it
-is seen now is where it was seen before in the next motion, and an error of its disparity stays from pair to pair. So
-what a track has changed the pose by is added over its motions, and squared where it ends: a sandwich as in
-`ispom.solvers.window.covariance`, with tracks as clusters (Liang and Zeger 1986), and with its factor for neighbours,
-and for few tracks. Sizes are those of the residuals: no noise is assumed.
+A pose is the product of all motions since the start. The errors of a track in these motions are correlated: one
+observation is in two successive motions, and an error of its disparity stays from pair to pair. So the changes of the
+pose by a track are summed over its motions, and squared when it ends. This is a sandwich as in
+`ispom.solvers.window.covariance`, with tracks as clusters (Liang and Zeger 1986), and with its factors for neighbours
+and for few tracks. The sizes of errors are those of the residuals: no noise is assumed.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from ispom.numerics.places import common
 from ispom.solvers.window.covariance import cells, cluster_inflation, sum_by_group
 
 LEAST_LEFT = 1e-6
-"""Share of what is known along an axis that others than one group know: with none, its residuals say nothing."""
+"""Least share of the information along an axis that is left without one group. Without any, the residuals of the group
+show nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """By how much each of N tracks has changed the present pose."""
+    """Changes of the present pose by each of N tracks."""
 
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(N,) of the tracks, ascending."""

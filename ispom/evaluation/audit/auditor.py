@@ -1,6 +1,6 @@
-"""Checks an estimate and its reference for all mistakes, one after the other, and measures what each answer is worth.
+"""Checks an estimate and its reference for all mistakes, one after the other, and measures how much each explains.
 
-The best explanation is applied, and the questions are asked again, so that two mistakes in one file are both found.
+The best explanation is applied, and all tests are repeated, so that two mistakes in one file are both found.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ Pairs = tuple[Trajectory, Trajectory]
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What was asked to be compared."""
+    """The requested comparison."""
 
     estimate: Trajectory
     reference: Trajectory
     associated: Callable[[Trajectory, Trajectory, float | None], Pairs]
-    """Returns the associated poses of both, equally long, also none; the number is the largest difference of times [s]
-    where it is not the one asked for."""
+    """Returns the associated poses of both, equally many, perhaps none. The last argument is the largest difference of
+    times [s]; None: the requested one."""
     alignment: Alignment
     timed: bool = True
     paired: bool = False
@@ -124,7 +124,7 @@ def _scaled(alignment: Alignment) -> Alignment:
 
 
 def audit(question: Question) -> list[Finding]:
-    """Returns what is wrong with the question, the most important first; empty where nothing is."""
+    """Returns the mistakes of the comparison, the most important first; empty without any."""
     if min(len(question.estimate), len(question.reference)) < MIN_POSES:
         return []
     rests = [float(np.ptp(t.translations, axis=0).max()) <= AT_REST_M for t in (question.estimate, question.reference)]
@@ -156,7 +156,7 @@ def _explained(question: Question, spans: tuple[tuple[float, float], ...]) -> li
 
 
 def _greedy(question: Question, spans: tuple[tuple[float, float], ...], first: str = "") -> list[Finding]:
-    """Applies the best explanation, and asks again; `first` is the key of one that is applied before all others."""
+    """Applies the best explanation, and tests again. `first` is the key of one that is applied before all others."""
     correction, found = Correction(excluded_s=spans), list[Finding]()
     before = question.measures(correction)
     for _ in range(MOST_FINDINGS):
@@ -171,7 +171,7 @@ def _greedy(question: Question, spans: tuple[tuple[float, float], ...], first: s
         found.append(_finding(scene, explanation, rivals, corrections, (before, after)))
         correction, before = corrections[1], after
         if rivals:
-            break  # what follows would depend on which of them is right
+            break  # further results would depend on which of them is right
     return found
 
 
@@ -230,7 +230,7 @@ def _as_good(other: Explanation, best: Explanation) -> bool:
 
 
 def _left(explanation: Explanation, level: int) -> float:
-    """Mean logarithm of what an explanation leaves."""
+    """Returns the mean logarithm of the errors with an explanation."""
     after = explanation.after[min(level, len(explanation.after) - 1)]
     turns = 0.0 if after.rotation is None else np.log(after.rotation)
     return float((np.log(after.position) + turns).mean())
@@ -317,7 +317,7 @@ def _faults(question: Question, correction: Correction) -> list[Finding]:
 
 
 def _steps(question: Question, correction: Correction, before: Measures) -> list[Finding]:
-    """Returns jumps after which a path goes on from another place."""
+    """Returns jumps after which a path continues from another position."""
     own, true = question.pairs(correction)
     lasting = [j for j in jumps(own, true) if j.last is None]
     found = []
@@ -332,7 +332,7 @@ def _steps(question: Question, correction: Correction, before: Measures) -> list
         ]
         whole = float(np.sqrt(sum(e**2 * len(p) for e, p in zip(errors, pieces, strict=True)) / len(own)))
         if before.get("ate_m") is None or whole > NOTHING * (before["ate_m"] or 0.0):
-            continue  # the parts fit no better than the whole: not what is wrong
+            continue  # the parts fit no better than the whole: this is not the mistake
         spans = tuple((_s(true, j.first), _s(true, j.first)) for j in mine)
         found.append(
             Finding(

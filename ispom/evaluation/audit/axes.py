@@ -17,7 +17,7 @@ MIN_TURN_RAD = np.radians(5.0)
 """Least angle between the axes of two bodies that is called another convention; a smaller one is an error of a mount's
 calibration."""
 ITERATIONS = 8
-"""Of the alternating fits of the turn and of the worlds, which converge in three to five."""
+"""Iterations of the alternating fits of the turn and of the worlds, which converge in three to five."""
 
 
 def axes(scene: Scene, before: Samples) -> Iterator[Explanation]:

@@ -1,8 +1,8 @@
 """Errors of consecutive blocks of samples, each aligned by itself, so that drift between blocks is no error.
 
-What an alignment may take away is fitted in each block again; what a hypothesis claims is shared by all blocks. So the
-blocks are nearly independent tests of it, at several lengths: short ones show a lever arm below a drift, long ones a
-clock on straight roads.
+The alignment is fitted in each block again; the parameters of a hypothesis are the same for all blocks. So the blocks
+are nearly independent tests of it. They have several lengths: short ones show a lever arm despite drift, long ones a
+clock offset on straight roads.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ FEWEST_BLOCKS, MOST_BLOCKS = 4, 128
 GROUPS = 8
 """Number of groups of neighbouring blocks that are held out one by one."""
 POSITION_FLOOR, ROTATION_FLOOR_RAD = 1e-4, 1e-3
-"""Errors below these, relative to the block's extent and in radians, are no longer told apart: they are those of
-rounded files and of interpolation."""
+"""Errors below these, relative to the block's extent and in radians, count as equal: rounding in files and
+interpolation cause them."""
 MAX_UNDETERMINED_RAD = 0.05
 """Largest error of an alignment's rotation, from the positions' residuals and their extent across, with which
 orientations are compared with those of the alignment (3 deg)."""
@@ -31,15 +31,15 @@ orientations are compared with those of the alignment (3 deg)."""
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Per block."""
+    """The errors of each block."""
 
     position: Array
     """(B,) root mean square of the aligned positions, relative to the reference's extent in the block."""
     rotation: Array | None
     """(B,) root mean square angle [rad] after the best rotation of the world; None without rotations."""
     tied: Array | None
-    """(B,) the same after the rotation of the world that the positions of the whole path determine; None where they do
-    not determine it."""
+    """(B,) root mean square angle [rad] after the rotation of the world that the positions of the whole path determine;
+    None where they do not determine it."""
 
     def gain(self, other: Errors) -> Array:
         """Returns (B,) logarithms of this error over the other one: of positions, and of rotations."""

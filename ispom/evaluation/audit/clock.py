@@ -1,6 +1,7 @@
 """Checks whether both clocks are one: their offset, their rates, the unit of times; for rows, a shifted index.
 
-The offset is looked for by what no axes change: the speeds of rotation and of motion. The errors of blocks refine it.
+The offset is searched by the speeds of rotation and of motion, which do not depend on axes. The errors of blocks refine
+it.
 """
 
 from __future__ import annotations
@@ -193,7 +194,7 @@ def _log_errors(found: Errors) -> Array:
 def _common(scene: Scene, shifts: list[tuple[float, float]]) -> Array:
     """Returns the estimate's times (N,) that have a partner under each (rate, offset)."""
     own, first = scene.own, scene.own.times_s[0]
-    # Samples at the estimate's times, thinned to what both rates resolve.
+    # Samples at the estimate's times, thinned to the lower of both rates.
     count = min(len(own), round(own.span_s / max(own.interval_s, scene.true.interval_s, 1e-12)) + 1)
     times = own.times_s if count >= len(own) else np.linspace(first, own.times_s[-1], count)
     times = times[:: -(-len(times) // MAX_SAMPLES)]
@@ -204,7 +205,7 @@ def _common(scene: Scene, shifts: list[tuple[float, float]]) -> Array:
 
 
 def _samples(scene: Scene, times_s: Array, rate: float, offset_s: float) -> Samples:
-    """At the estimate's times; the reference is interpolated."""
+    """Returns samples at the estimate's times; the reference is interpolated."""
     first = scene.own.times_s[0]
     theirs = first + rate * (times_s - first) + offset_s
     return Samples(

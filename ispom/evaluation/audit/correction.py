@@ -1,4 +1,4 @@
-"""What may be done to trajectories before they are compared: conventions undone, another body, another clock."""
+"""Corrections of trajectories before they are compared: undone conventions, another body, another clock."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ UNDONE: Mapping[Convention, Callable[[Array | None, Array], Poses]] = MappingPro
         "mirrored-z": _mirrored(2),
     }
 )
-"""What brings poses of a convention to world_from_FRAME in right-handed axes."""
+"""By convention: the function that converts poses to world_from_FRAME in right-handed axes."""
 
 
 def undone(trajectory: Trajectory, conventions: tuple[Convention, ...]) -> Trajectory:
@@ -80,10 +80,10 @@ def undone(trajectory: Trajectory, conventions: tuple[Convention, ...]) -> Traje
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What is done to an estimate and to its reference."""
+    """The correction of an estimate and of its reference."""
 
     conventions: tuple[Convention, ...] = ()
-    """Of the estimate."""
+    """Conventions of the estimate that are undone."""
     reference_conventions: tuple[Convention, ...] = ()
     body: Pose | None = None
     """estimate_body_from_reference_body, in the estimate's unit."""
@@ -92,11 +92,11 @@ class Correction:
     offset_s: float = 0.0
     """Added to the estimate's times [s]; rows, where there are no times."""
     with_scale: bool = False
-    """Whether the scale is fitted where the asked alignment does not."""
+    """Whether the scale is fitted although the requested alignment does not fit it."""
     excluded_s: tuple[tuple[float, float], ...] = ()
     """First and last times of stretches of the reference's clock that are not compared [s]."""
     max_difference_s: float | None = None
-    """Largest time difference of associated poses [s], where the asked one associates hardly any of them."""
+    """Largest time difference of associated poses [s], if the requested one associates hardly any of them."""
 
     def then(self, new: Correction) -> Correction:
         """Returns this correction, followed by another one."""
@@ -141,6 +141,6 @@ def outside(times_ns: NDArray[np.int64], spans_s: tuple[tuple[float, float], ...
 
 
 def _ns(seconds: float) -> int:
-    """What has no end has the largest time."""
+    """Returns the time [ns]; infinity is the largest time."""
     bound = np.iinfo(np.int64).max - ROUNDED_NS
     return int(np.rint(np.clip(np.longdouble(seconds) * 10**9, -bound, bound)))

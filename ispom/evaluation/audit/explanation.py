@@ -1,4 +1,4 @@
-"""An explanation of a difference: what it claims, and how much of the errors of held-out blocks it takes away."""
+"""An explanation of a difference: its claim, and how much it reduces the errors of held-out blocks."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from ispom.evaluation.audit.samples import Path, Samples, clocks_at, samples_at
 from ispom.geometry import Array
 
 MIN_GAIN = float(np.log(1 / 0.75))
-"""Least mean of the logarithms by which an explanation reduces the errors of blocks that its parameters were not fitted
-to: by a quarter. A parameter that explains nothing increases them, so that this limits the size of what is worth a
-sentence, not chance."""
+"""Least mean logarithm by which an explanation reduces the errors of blocks to which its parameters were not fitted: a
+quarter. A parameter that explains nothing increases these errors. So this is no limit against chance, but the least
+effect that is worth a sentence."""
 MIN_GROUPS_BETTER = 0.75
-"""Least share of the groups of blocks that must not become worse: what is wrong with a file is wrong everywhere, while
-one bad stretch is the method's."""
+"""Least share of the groups of blocks that must not become worse: a mistake of a file is in all of it, while a single
+bad stretch is an error of the method."""
 MIN_GROUPS = 3
 """Least number of groups whose blocks say something about an explanation."""
 CHANGED = 0.1
-"""Least change of a block's logarithmic error by which the block says something: a lever arm does not show on a
-straight road."""
+"""Least change of a block's logarithmic error with which the block counts: a lever arm does not show on a straight
+road."""
 MIN_CHANGED = 0.1
 """Least share of the blocks that must say something, else all are counted."""
 NO_WORSE = -0.02
-"""Gain of a group that says nothing about an explanation, such as one without rotations about a lever arm."""
+"""Least gain of a group that does not contradict an explanation: that of a lever arm in a group without rotations."""
 SIGNIFICANT = 3.0
 """Least size of a parameter, in standard deviations between groups."""
 SAMPLES_NEEDED = 64
@@ -37,7 +37,7 @@ SAMPLES_NEEDED = 64
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is audited."""
+    """The trajectories that are audited."""
 
     own: Path
     true: Path
@@ -57,14 +57,14 @@ class Scene:
 class Explanation:
     key: str
     correction: Correction
-    """What it claims to be right, beyond what was corrected before."""
+    """The correction that it claims, in addition to the earlier ones."""
     gains: tuple[Array, ...]
-    """Per level: (B,) logarithms of the errors before over those after, of held-out blocks; the after-errors too."""
+    """For each level: (B,) logarithms of the errors of held-out blocks without it over those with it."""
     after: tuple[Errors, ...]
     parameters: int = 0
     """Number of fitted parameters."""
     values: Mapping[str, float] = field(default_factory=dict)
-    """What was fitted, by name with unit."""
+    """Fitted values, by name with unit."""
     sigmas: Mapping[str, float] = field(default_factory=dict)
     significant: bool = True
     by_motions: float | None = None

@@ -1,4 +1,4 @@
-"""What an audit found: the claim, its values with their uncertainty, and the errors with and without it."""
+"""A finding of an audit: the claim, its values with their uncertainty, and the errors with and without it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Finding:
     """offset, time_unit, drift, inverse, rotations-inverse, w-first, w-last, mirrored, axes, lever_arm, scale, frozen,
     repeated, spikes, jumps, no_motion or nothing_in_common."""
     whose: str = "estimate"
-    """"estimate" or "reference": which file is wrong, where that is known."""
+    """"estimate" or "reference": which file is wrong, if that is known."""
     values: Mapping[str, float] = field(default_factory=dict)
-    """By name; names end in their unit, and without one it is that of the trajectory or none."""
+    """Values by name. Names end in their unit; a value without one has the unit of the trajectory, or none."""
     sigmas: Mapping[str, float] = field(default_factory=dict)
     """Standard deviations, between stretches of the recording."""
     before: Measures = field(default_factory=dict)
-    """Errors as asked, with what the findings before this one correct."""
+    """Errors of the requested comparison, with the corrections of earlier findings."""
     after: Measures = field(default_factory=dict)
     """Errors with the correction as well."""
     stretch_s: float | None = None
@@ -32,11 +32,11 @@ class Finding:
     """Error of these stretches after over before, where the correction was fitted to the others; of positions times
     that of rotations."""
     own: Correction = field(default_factory=Correction)
-    """What corrects this finding."""
+    """The correction of this finding."""
     correction: Correction = field(default_factory=Correction)
-    """The same with what was corrected before."""
+    """The correction of this finding together with the earlier ones."""
     rivals: tuple[str, ...] = ()
-    """Keys of what explains as much: the data cannot tell."""
+    """Keys of other findings that explain as much: the data do not decide between them."""
     spans_s: tuple[tuple[float, float], ...] = ()
     """First and last times of stretches, on the clock of the reference [s]."""
     rows: tuple[tuple[int, int], ...] = ()

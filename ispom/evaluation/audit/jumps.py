@@ -31,11 +31,11 @@ class Jump:
     first: int
     """Index of the first pose after the jump."""
     last: int | None
-    """Index of the last pose that is off, where the path returns; None where it does not."""
+    """Index of the last wrong pose, if the path returns; None if it does not."""
 
 
 def jumps(own: Trajectory, true: Trajectory) -> list[Jump]:
-    """Returns the jumps between associated poses; those of which it cannot be told whose they are, are left out."""
+    """Returns the jumps between associated poses. A jump is skipped if it cannot be decided which path has it."""
     steps = [np.diff(each.translations, axis=0) for each in (own, true)]
     lengths = [np.linalg.norm(step, axis=1) for step in steps]
     moving = (lengths[0] > 0) & (lengths[1] > 0)
@@ -72,7 +72,7 @@ def _relative_accelerations(steps: Array) -> Array:
 
 
 def _end_of_spike(positions: Array, i: int, jumps_after: list[int]) -> int | None:
-    """Returns the last pose that is off after the jump from pose i; None where the path goes on from there."""
+    """Returns the last wrong pose after the jump from pose i; None where the path continues from there."""
     size = float(np.linalg.norm(positions[i + 1] - positions[i]))
     for j in jumps_after:
         if j - i > SPIKE_POSES:

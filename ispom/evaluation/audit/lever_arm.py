@@ -28,28 +28,28 @@ from ispom.geometry import Array, Pose, skew
 from ispom.solvers.trajectory.alignment import umeyama
 
 ITERATIONS = 8
-"""Of Gauss-Newton, which converges in three to five."""
+"""Iterations of Gauss-Newton, which converges in three to five."""
 STEP = 1e-4
 """Step of numeric derivatives of a lever arm, relative to the path's extent."""
 REWEIGHTED = 4
-"""Number of times that a robust fit is weighed anew."""
+"""Number of times that the weights of a robust fit are computed again."""
 LAGS = (8, 16, 32)
 """Numbers of samples from the start of a motion to its end."""
 MIN_MOTIONS = 0.05
 """Least share of the motions that a lever arm must change by more than their median error: it does not show on a
 straight road."""
 CLEARLY = 5.0
-"""Least size of a component along an axis, in standard deviations between groups: a weak axis, such as the vertical one
-of a car, takes up what is left of other errors, which are alike in all groups."""
+"""Least size of a component along an axis, in standard deviations between groups. A weakly determined axis, such as the
+vertical one of a car, absorbs other errors, which are similar in all groups."""
 MIN_LEFT = 0.05
-"""Least part of what a lever arm changes that remains after an alignment with scale."""
+"""Least part of the change by a lever arm that must remain after an alignment with scale."""
 NUISANCE, ARM = 4, slice(4, 7)
-"""Columns of what any two calibrations differ by (scale, and a small turn), and of the lever arm."""
+"""Columns of the differences between any two calibrations (scale, and a small rotation), and of the lever arm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """What motions in the body's frame say about a lever arm."""
+    """The lever arm by motions in the body's frame."""
 
     arm: Array
     """(3,)."""
@@ -157,8 +157,8 @@ def _no_scale(samples: Samples, arm: Array) -> bool:
 
 
 def _lever_arm(before: Samples) -> Explanation:
-    """Blocks are aligned with a scale, also where the asked alignment has none: a small error of the scale is not to
-    look like a lever arm."""
+    """Returns the explanation by a lever arm. Blocks are aligned with a scale even if the requested alignment has none,
+    so that a small error of the scale does not look like a lever arm."""
     gains, after, arms, sigmas = [], [], [], []
     for starts in levels(len(before)):
         arm, fits = _fitted_arm(before, starts, True)

@@ -31,7 +31,7 @@ class Path:
 
     @staticmethod
     def of(trajectory: Trajectory, origin_ns: int, has_rotations: bool) -> Path:
-        """Of each repeated time the first pose is used."""
+        """Returns the path of a trajectory; of poses with the same time the first one is used."""
         _, first = np.unique(trajectory.times_ns, return_index=True)
         rotations = trajectory.rotations[first] if has_rotations else None
         return Path((trajectory.times_ns[first] - origin_ns) * 1e-9, rotations, trajectory.translations[first])

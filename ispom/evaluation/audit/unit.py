@@ -15,8 +15,8 @@ from ispom.evaluation.audit.samples import Samples
 from ispom.geometry import Array
 
 MIN_CHANGE = 0.05
-"""Least difference of a scale from 1 that is called another unit; a smaller one is an error of the method or of its
-baseline, which is what the errors are to show."""
+"""Least difference of a scale from 1 that counts as another unit. A smaller one is an error of the method or of its
+baseline, which the errors must show."""
 NOTHING = 0.5
 """Least error of positions, relative to a block's extent, of paths that have nothing in common."""
 UNITS: Mapping[str, float] = MappingProxyType(

@@ -80,7 +80,7 @@ class Budget:
 
     @property
     def rest(self) -> Share:
-        """What the shares leave of the squared error. Negative where causes overlap."""
+        """Returns the share of the squared error that no cause explains; negative where causes overlap."""
         known = [cause.share for cause in self.causes if cause.share is not None]
         value = self.ate_m**2 - sum(share.value_m2 for share in known)
         return Share.around(value, hypot(0.0, *(share.half_m2 for share in known)))
@@ -92,8 +92,8 @@ def factor(count: int) -> float:
 
 
 def share_of(fall_m2: float, repeated_m2: Sequence[float]) -> Share | None:
-    """Returns the share of a cause whose removal lowers the squared error by `fall_m2`, and by `repeated_m2` in
-    repetitions with other noise and other draws of what was removed. None without repetitions.
+    """Returns the share of a cause whose removal lowers the squared error by `fall_m2`. In repetitions with other
+    noise, and with other draws of the removed parts, it lowers the error by `repeated_m2`. None without repetitions.
 
     The repetitions scatter about the first one, which is known; so each counts fully.
     """

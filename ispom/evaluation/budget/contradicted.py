@@ -1,4 +1,4 @@
-"""Tracks that contradict the true poses: what moves by itself, and what was matched wrongly."""
+"""Tracks that contradict the true poses: those of moving objects, and false matches."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from ispom.types import Camera, Tracks, TrackStatus
 FAR_PX = 2.0
 """A track that is no farther from its true epipolar line is none that contradicts: inliers of a pose are as far."""
 OUTLYING = 4.0
-"""How many times the median distance it is off, at least: with a wrong calibration or clock all tracks are off."""
+"""Least distance of such a track, in medians of the distances: with a wrong calibration or clock, all tracks have large
+distances."""
 
 
 @dataclass(frozen=True, eq=False)
 class FirstSeen:
-    """Where the tracks of one camera were seen first."""
+    """The first observations of the tracks of one camera."""
 
     views: tuple[Pose, ...] = ()
     """True world_from_camera of frames in which tracks began."""
@@ -30,8 +31,8 @@ class FirstSeen:
     def contradicting(
         self, camera: Camera, world_from_camera: Pose, tracks: Tracks
     ) -> tuple[FirstSeen, NDArray[np.int64]]:
-        """Returns what is known after these tracks, and the ids (M,) of those that contradict the true poses. A track
-        that ended is forgotten."""
+        """Returns the first observations including these tracks, and the ids (M,) of tracks that contradict the true
+        poses. Tracks that ended are removed."""
         alive = np.isin(tracks.status, (TrackStatus.ALIVE, TrackStatus.NEW))
         ids, x = tracks.ids[alive], camera.normalise(np.asarray(tracks.uv[alive], float))
         away = np.full(len(ids), np.nan)

@@ -1,4 +1,4 @@
-"""The calibration and the clock as the tracks have them where the true poses are known.
+"""The calibration and the clock that fit the tracks with the true poses.
 
 Ground truth makes this an answer to "what if": the calibration that it gives is an input of a rerun, and no estimator
 sees the truth itself.
@@ -31,9 +31,9 @@ GROUPS = (
     ("turn_x_deg", "turn_y_deg", "turn_z_deg"), ("shift_x_m", "shift_y_m", "shift_z_m"),
     (CLOCK,),
 )  # fmt: skip
-"""What may be wrong, together: of the lens, the pair, the mount and the clock."""
+"""Numbers that may be wrong together: of the lens, the pair, the mount and the clock."""
 SURE = 4.0
-"""Numbers are wrong where they differ from what is stated by so many standard deviations (root mean square of a group).
+"""A group is wrong where its numbers differ from the stated ones by this many standard deviations (root mean square).
 By chance none of ten groups does in one of a thousand recordings, and errors that tracks of one place share reach
 three. With all numbers free, each is known so badly that a rerun is worse than the run, whatever was wrong."""
 TRIAL = 3
@@ -44,7 +44,7 @@ of the same tracks say little more of it."""
 BETWEEN = 4
 """Poses of the scene for each true one: a rig does not move evenly between two of these, where pairs are exposed."""
 LEAST_VIEWS = 3
-"""Of a track: two rays always meet in nearly one point."""
+"""Least number of views of a track: two rays always meet in nearly one point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +72,8 @@ class Calibrated:
 
 
 def calibrated(seen: Stretch, tracked: Tracked, world_from_rig: Trajectory) -> Calibrated | None:
-    """Returns the numbers in which the calibration and the clock that the tracks of a stretch have with the true poses
-    differ from what is stated; perhaps there are none. None where too few tracks, or frames with a true pose, are
-    there."""
+    """Returns the numbers of the calibration and the clock that differ from the stated ones, by the tracks of a stretch
+    and the true poses; perhaps there are none. None with too few tracks or frames with a true pose."""
     found = _scene(seen, tracked, world_from_rig)
     if found is None:
         return None
@@ -104,15 +103,15 @@ class _Fit:
         return _Fit(fitted, names, change, cost, spread)
 
     def sigmas_off(self, group: tuple[str, ...]) -> float:
-        """Returns by how many standard deviations these numbers are off, root mean square."""
+        """Returns the root mean square difference of these numbers from the stated ones, in standard deviations."""
         at = [self.names.index(name) for name in group]
         values = np.array([self.change.value(name) for name in group])
         return float(np.sqrt(values @ np.linalg.solve(self.covariance[np.ix_(at, at)], values) / len(group)))
 
 
 def _chosen(scene: Scene, rig: Rig, seen: Observations, groups: list[tuple[str, ...]]) -> _Fit:
-    """Frees the group that explains most, and the next one, as long as it is SURE; one that is no longer so beside the
-    later ones is given up."""
+    """Frees the group that explains most, then the next one, as long as it exceeds SURE. A group that no longer does
+    with the later ones is fixed again."""
     chosen, fit = list[tuple[str, ...]](), _Fit.of(scene, rig, seen, ())
     while left := [group for group in groups if group not in chosen]:
 

@@ -1,4 +1,4 @@
-"""What a wrong or drifting scale contributes to the error of a trajectory: it needs no rerun."""
+"""The contribution of a wrong or drifting scale to the error of a trajectory. It needs no rerun."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _of_path(error: TrajectoryError) -> TrajectoryError:
 
 
 def _of_steps(error: TrajectoryError) -> TrajectoryError | None:
-    """With each step divided by the scale there, as the chords of the path have it."""
+    """Returns the error of the path with each step divided by its scale, by the chords of the path."""
     estimate = error.estimate
     scale = step_scale(estimate, error.reference)
     if scale is None or min(scale.windows) <= 0:

@@ -1,2 +1,2 @@
-"""The doctor: which cause explains a bad stretch of a recording, by what the images themselves say. No ground truth,
-but where a setting of a run is judged."""
+"""The doctor: finds the cause of a bad stretch of a recording from the images themselves. It uses ground truth only to
+judge a setting of a run."""

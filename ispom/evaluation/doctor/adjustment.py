@@ -45,8 +45,8 @@ def adjust_gradually(
 ) -> tuple[Scene, Change, float]:
     """Does as `adjust`, but with wide losses first.
 
-    A wrong calibration moves all observations of a camera by several pixels. To a narrow loss they are outliers, and it
-    leaves them where they are instead of looking for what moved them.
+    A wrong calibration moves all observations of a camera by several pixels. With a narrow loss they are outliers, and
+    the optimisation would ignore them.
     """
     change = AS_STATED
     for loss_px in WIDE_PX:
@@ -90,7 +90,7 @@ def covariance(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...
 
 @dataclass(frozen=True)
 class Promise:
-    """What a linearisation predicts for a set of free numbers."""
+    """The prediction of a linearisation for a set of free numbers."""
 
     gain: float
     """Share of the cost that one step with them free is expected to save."""
@@ -119,7 +119,7 @@ def screened(
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What is adjusted."""
+    """The unknowns."""
 
     scene: Scene
     numbers: Array
@@ -230,11 +230,11 @@ class _Fitted:
 
 
 def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[Scene, Array]:
-    """Returns the scene with its points moved to where they fit best while the poses stay, and the mean cost (P,) of
-    each, NaN where it has no observation.
+    """Returns the scene with its points optimised for fixed poses, and the mean cost (P,) of each point; NaN for a
+    point without observations.
 
-    This is how held-out points judge poses and calibration, which they had no part in. Each point starts from where it
-    is and, with wide losses first, from there again; the better place counts.
+    So held-out points judge poses and calibration that were fitted without them. Each point is optimised from its
+    position, and again with wide losses first; the better result counts.
     """
     count = len(scene.points)
     observed = np.bincount(seen.point, minlength=count)

@@ -1,4 +1,4 @@
-"""How well held-out tracks fit with one change of the calibration or clock."""
+"""Tests one change of the calibration or clock by the fit of held-out tracks."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Baseline:
 
     rig: Rig
     first: Scene
-    """From the main camera alone, without the calibration of the others."""
+    """The scene from the main camera alone, without the calibration of the others."""
     scene: Scene
     used: Observations
-    """Of the tracks that poses and calibration are fitted to."""
+    """Observations of the tracks to which poses and calibration are fitted."""
     held_out: Observations
     costs: Array
     """(P,) mean cost of each held-out point; NaN for the others."""
@@ -38,13 +38,13 @@ class Baseline:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a change of the calibration does."""
+    """The effect of a change of the calibration."""
 
     change: Change
     costs: Array
     """(P,) mean cost of each held-out point with the change; NaN for the others."""
     gain: float
-    """Share of the cost of the held-out tracks that it explains; negative where it makes them worse."""
+    """Share of the cost of the held-out tracks that it explains; negative if it increases the cost."""
     z: float
     """Mean improvement of a held-out track over its standard error."""
     residual_px: float
@@ -64,24 +64,24 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Crossed:
-    """What a change does where each half of the tracks judges the change that the other half chose."""
+    """The effect of a change if each half of the tracks judges the change that was fitted to the other half."""
 
     figures: Mapping[str, Figure]
-    """By the number's name: the mean of the halves. It is as uncertain as the normal equations say, and as the halves
-    differ."""
+    """By the number's name: the mean of the halves. Its uncertainty is that of the normal equations and the difference
+    of the halves."""
     gain: float
     z: float
     """Mean improvement of a track over its standard error."""
     majority: float
-    """How many more tracks are better than are worse, over the standard error of that number: a few tracks that fit
-    badly, such as in a corner of the image, can make a mean, but no majority."""
+    """Number of tracks that fit better minus those that fit worse, over its standard error. A few bad tracks, such as
+    in a corner of the image, can dominate a mean, but not this."""
     before_px: float
     residual_px: float
     tracks: int
     costs: Array
     """(2 P,) mean cost of each point with the change, of one half and then the other; NaN where it is not held out."""
     fitted: tuple[tuple[Scene, Change], ...]
-    """What each half chose."""
+    """The scene and the change that were fitted to each half."""
 
     def better_than(self, other: Crossed) -> float:
         """Returns how much better the tracks fit than with another change: the mean over its standard error."""
@@ -91,8 +91,8 @@ class Crossed:
 
 
 def baseline(start: Start, rig: Rig, held_out: NDArray[np.bool_] | None = None) -> Baseline:
-    """Fits the scene to the tracks that are not held out, and judges it by those that are: of the points (P,) as the
-    start has them, or these."""
+    """Fits the scene to the tracks that are not held out, and judges it by the held-out ones: those of the start, or
+    `held_out` (P,)."""
     out = (start.held_out if held_out is None else held_out)[start.seen.point]
     used, judging = start.seen.select(~out), start.seen.select(out)
     scene, change, _ = min(
@@ -106,8 +106,8 @@ def baseline(start: Start, rig: Rig, held_out: NDArray[np.bool_] | None = None) 
 
 
 def promising(base: Baseline, subsets: Mapping[tuple[str, ...], tuple[str, ...]]) -> dict[tuple[str, ...], Promise]:
-    """Returns what a linearisation at the baseline promises for each set of numbers: a rough gain, in a tenth of the
-    time of a test, and the standard deviations of the numbers where all of a group are free."""
+    """Returns the prediction of a linearisation at the baseline for each set of numbers: a rough gain, in a tenth of
+    the time of a test, and the standard deviations of the numbers if all of a group are free."""
     return screened(base.scene, base.rig, base.used, subsets)
 
 
@@ -172,8 +172,8 @@ def _figures(
 
 
 def _gain(halves: tuple[Baseline, ...], costs: tuple[Array, ...]) -> tuple[float, float, float, int]:
-    """Returns the share of the held-out cost that is saved, its mean over its standard error, how many more tracks are
-    better than worse over its standard error, and the tracks."""
+    """Returns the share of the held-out cost that is saved, the mean of the savings over its standard error, the number
+    of tracks that are better minus those that are worse over its standard error, and the number of tracks."""
     before = np.concatenate([base.costs for base in halves])
     after = np.concatenate(costs)
     count = np.concatenate([np.bincount(base.held_out.point, minlength=len(base.costs)) for base in halves])

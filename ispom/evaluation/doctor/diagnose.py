@@ -18,7 +18,7 @@ from .suspects.calibration import SURE
 MOST = 0.5
 """Share of the cost of held-out tracks from which on a calibration explains most of their error."""
 CERTAIN = 8.0
-"""Standard errors by which held-out tracks are better with a calibration, from which on it is beyond doubt."""
+"""Improvement of held-out tracks by a calibration, in standard errors, from which on it is beyond doubt."""
 SEEN, MAY = frozenset({"images", "times", "tracks"}), frozenset({"too-fast"})
 """Kinds of evidence that need no calibration, and keys of those suspects that may hinder a method without being the
 cause."""
@@ -31,8 +31,8 @@ def diagnose(
 ) -> Diagnosis:
     """Returns the ranking of these suspects. The same stretch gives the same ranking.
 
-    `advance` is called before each suspect with its name; where it returns False, no time is left for it and for those
-    after it. It may raise to end the work.
+    `advance` is called before each suspect with its name. If it returns False, this suspect and the later ones are
+    skipped, as no time is left. It may raise to end the work.
     """
     one_thread()
     ranked, silent, left = [], [], []
@@ -72,14 +72,16 @@ def with_reruns(found: Diagnosis, reruns: Reruns) -> Diagnosis:
 
 
 def _in_order(ranked: Iterable[Ranked]) -> list[Ranked]:
-    """Returns causes before the others, those with the more direct evidence first; at the same strength as they were.
+    """Returns causes before other suspects, those with more direct evidence first, and of these the strongest first.
 
-    A setting of the run comes first: that without it the run goes better was seen, and not concluded. Then a
-    calibration with which tracks fit that did not before: the images cannot be the trouble. Then what images and times
-    show, and what moves, before what a calibration explains in part: that is tested fairly only on good images of a
-    rigid scene. Where there is nothing of these but a motion that may be too fast, a calibration with which the tracks
-    fit better beyond doubt comes before it. What is wrong with another sensor was measured by itself: it comes before
-    what images show where a method of the run uses that sensor, else last.
+    1. A setting of the run, because a better run without it was observed, not concluded.
+    2. A calibration that explains most of the error of the tracks: the images cannot be the cause then.
+    3. Causes in images and times, and moving objects.
+    4. A calibration that explains a part, because it is tested fairly only on good images of a rigid scene. If the only
+       other cause is a motion that may be too fast, a calibration beyond doubt comes before it.
+
+    A fault of another sensor was measured by itself. It comes before causes in images if a method of the run uses that
+    sensor, else last.
     """
     given = list(ranked)
     good = not any(each.finding.found and each.suspect.how in SEEN and each.suspect.key not in MAY for each in given)

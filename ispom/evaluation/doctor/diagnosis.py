@@ -17,19 +17,19 @@ class Diagnosis:
     """Measurements of the sequence that were examined, both included."""
     ranked: tuple[Ranked, ...]
     silent: tuple[str, ...] = ()
-    """Keys of suspects about which the recording says nothing."""
+    """Keys of suspects that the recording cannot test."""
     left: tuple[str, ...] = ()
     """Keys of suspects for which no time was left."""
     rivals: tuple[str, ...] = ()
     """Keys of causes that explain the stretch as well as the first one: the recording cannot tell which it is."""
     reruns: Reruns | None = None
-    """Of the run's own methods with other settings; None without a run, or where no rerun was requested."""
+    """Reruns of the run's own methods with other settings; None without a run, or if no rerun was requested."""
     set_back: Reruns | None = None
-    """With the settings that differ from their defaults set back to them, one at a time; None where none does."""
+    """Reruns with one setting at a time set back to its default; None if no setting differs from its default."""
 
     @property
     def causes(self) -> tuple[Ranked, ...]:
-        """Those that are there, the strongest first."""
+        """Returns the suspects that were found to be causes, the strongest first."""
         return tuple(each for each in self.ranked if each.finding.found)
 
     @property
@@ -39,7 +39,7 @@ class Diagnosis:
 
     @property
     def undecided(self) -> tuple[Ranked, ...]:
-        """Those with evidence that does not suffice to decide whether they are there."""
+        """Returns the suspects whose evidence does not decide whether they are causes."""
         return tuple(each for each in self.ranked if each.finding.undecided)
 
     @property

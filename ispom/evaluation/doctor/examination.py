@@ -1,4 +1,4 @@
-"""What several suspects need of a stretch, computed once."""
+"""Data of a stretch that several suspects need; they are computed once."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ LONGEST_SIDE_PX = 700
 
 @dataclass(frozen=True, eq=False)
 class Examination(Stretch):
-    """A stretch with its tracks, its scene, and what freed numbers of the calibration explain."""
+    """A stretch with its tracks, its scene, and the effects of free numbers of the calibration."""
 
     sensors: SensorScene | None = None
-    """What other sensors measured around the stretch, and the path of the images there; None where this is unknown."""
+    """Measurements of other sensors around the stretch, and the path of the images there; None where it is unknown."""
 
     @cached_property
     def judged(self) -> SensorsJudged:
-        """What is claimed of these sensors; nothing where there are none."""
+        """Returns the claims about these sensors; none without sensors."""
         return SensorsJudged() if self.sensors is None else judged(self.sensors)
 
     @property
@@ -54,7 +54,7 @@ class Examination(Stretch):
 
     @cached_property
     def baseline(self) -> Baseline | None:
-        """That scene, fitted with the calibration as it is stated."""
+        """Returns that scene, fitted with the stated calibration."""
         return None if self.start is None else baseline(self.start, self.rig)
 
     @cached_property
@@ -66,7 +66,7 @@ class Examination(Stretch):
 
     @cached_property
     def promises(self) -> dict[tuple[str, ...], Promise]:
-        """What freeing each set of numbers promises, by the names of `groups`."""
+        """Returns the predicted effect of freeing each set of numbers, by the names of `groups`."""
         return {} if self.baseline is None else promising(self.baseline, subsets(self.rig))
 
     def freed(self, names: tuple[str, ...]) -> Change:
@@ -83,7 +83,7 @@ class Examination(Stretch):
 
     @cached_property
     def outcomes(self) -> dict[str, Crossed]:
-        """By key of a suspect: what its change does, of those that were tested."""
+        """Returns the effects of tested changes by key of the suspect."""
         return {}
 
 
@@ -126,7 +126,7 @@ def halvings(side_px: int) -> int:
 
 
 def grey(image: Image, times: int) -> Image:
-    """Returns the image in grey, halved so many times."""
+    """Returns the image in grey, with its width and height halved `times` times."""
     made = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     for _ in range(times):
         size = (round(made.shape[1] / 2), round(made.shape[0] / 2))

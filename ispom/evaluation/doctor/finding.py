@@ -1,4 +1,4 @@
-"""What the doctor looks for and what it finds: a suspect, and its finding."""
+"""Suspects of the doctor, and their findings."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Literal
 from .examination import Examination
 
 How = Literal["setting", "images", "times", "tracks", "sensors", "counterfactual", "rerun"]
-"""Where the evidence is from. `counterfactual`: a changed calibration or clock, and what held-out tracks say of it;
-`sensors`: other sensors, against the path of the images; `rerun`: the run's own method, forked before the stretch, with
-another setting; `setting`: the same, with a setting that differs from its default set back to it."""
+"""The source of the evidence. `counterfactual`: a changed calibration or clock, judged by held-out tracks; `sensors`:
+other sensors, compared with the path of the images; `rerun`: the run's own method, forked before the stretch, with
+another setting; `setting`: such a rerun with a setting set back to its default."""
 
 DIGITS = 5
 """Significant digits of figures."""
@@ -30,11 +30,11 @@ class Finding:
     frames: tuple[int, ...] = ()
     """Measurements of the sequence that show it best, a few."""
     undecided: str = ""
-    """What would decide it, one sentence, where the recording cannot tell whether the cause is there."""
+    """If the recording cannot decide whether this is a cause: one sentence about what would decide it."""
 
     def __post_init__(self) -> None:
-        """Rounds the figures to what they say. The same machine gives all digits again; another one with another BLAS
-        may not."""
+        """Rounds the figures to their significant digits. The same machine reproduces all digits; another one with
+        another BLAS may not."""
         object.__setattr__(self, "strength", _rounded(self.strength))
         object.__setattr__(self, "values", {name: _rounded(value) for name, value in self.values.items()})
 
@@ -62,9 +62,9 @@ class Suspect:
     """A few words, to be read after "The cause is:"."""
     how: How
     remedy: str
-    """What to do, one or two sentences."""
+    """One or two sentences about what to do."""
     examine: Callable[[Examination], Finding | None]
-    """None where the recording says nothing about it, such as of a clock where there is one camera."""
+    """Examines a stretch. Returns None if the recording cannot test it, such as a clock with only one camera."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Sets of numbers of the calibration that are free together, and what may be wrong instead of each."""
+"""Sets of numbers of the calibration that are free together, and the numbers that may be wrong instead of each."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ OTHERS: Mapping[tuple[str, ...], tuple[str, ...]] = {
     TURN: (*SHIFT, *CENTRE, "clock_ms"),
     SHIFT: (*TURN, *CENTRE, "clock_ms"),
 }
-"""By the numbers of a suspect: what may be wrong instead. For a camera, its lens and where it looks; for a mount, the
-camera's centre and clock, too. The lenses of all cameras are never free together: where all are wrong alike, the path
-of a car looks right. The baseline and a turned mount trade places too slowly for a fit of both."""
+"""By the numbers of a suspect: the numbers that may be wrong instead. For a camera these are its lens and its
+orientation; for a mount, also the camera's centre and clock. The lenses of all cameras are never free together: if all
+have the same error, the path of a car looks right. The baseline and a turned mount are too correlated for a fit of
+both."""
 
 
 def has(rig: Rig, name: str) -> bool:

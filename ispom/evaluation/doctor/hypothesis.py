@@ -13,17 +13,17 @@ from ispom.types import Camera, Rig
 
 @dataclass(frozen=True)
 class Change:
-    """What is changed, all zero for the calibration as it is stated."""
+    """A change of the calibration; all numbers are zero for the stated calibration."""
 
     perturbation: Perturbation = Perturbation()
     k1: float = 0.0
-    """Of the main camera's lens, more than stated."""
+    """Change of k1 of the main camera's lens."""
     k2: float = 0.0
     """The next coefficient of the same lens."""
     line_delay_us: float = 0.0
-    """Of all cameras, as if their images were 480 rows high: later by this from row to row [us]."""
+    """Delay from row to row of all cameras [us], as if their images were 480 rows high."""
     aspect_percent: float = 0.0
-    """Of the main camera's lens (of the pair, both): fy over fx, more than stated."""
+    """Change of fy over fx of the main camera's lens (of a pair, of both lenses)."""
     right_x_deg: float = 0.0
     """Rotation of the right camera about its own axes."""
     right_y_deg: float = 0.0

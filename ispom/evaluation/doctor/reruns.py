@@ -1,8 +1,8 @@
-"""What reruns show: one setting of a method is changed at a time.
+"""Reruns of a method with one changed setting at a time.
 
-A setting that differs from its default is set back to it, over the whole run where that is short, and judged by what a
-run is for: the error where there is ground truth, else warnings and losses, checks and located frames. Other values are
-judged without any truth.
+A setting that differs from its default is set back to it, in the whole run if that is short. It is judged by the error
+if there is ground truth, else by warnings and losses, checks and located frames. Other values are judged without any
+truth.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .finding import Finding, Ranked, Suspect
 LEAST_FRAMES, LEAST_SHARE = 2, 0.05
 """A setting helps where it changes at least this number of frames, and this share of them."""
 WORSE, GOOD_PX = 2.0, 1.0
-"""Where residuals are larger by this factor, and larger than this, worse poses are only accepted for longer."""
+"""Residuals larger by this factor, and larger than this [px], show that a setting only accepts worse poses."""
 BETTER = 1.5
 """The error falls noticeably by this factor: to two thirds."""
 SHOWN_FRAMES = 4
@@ -31,26 +31,27 @@ SHOWN_FRAMES = 4
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """How a method did over the stretch."""
+    """The result of a method over the stretch."""
 
     frames: int
-    """On which it stepped."""
+    """Number of frames at which it stepped."""
     located: Mapping[int, float]
-    """By index of the frame: the median residual of its pose [px]; NaN where none is reported."""
+    """By index of each located frame: the median residual of its pose [px]; NaN where none is reported."""
     segments: int
     """Begun in the stretch."""
     failed: Mapping[str, int]
-    """By key of a check: in how many frames it failed."""
+    """By key of a check: the number of frames in which it failed."""
     failing: int
     """Frames in which any failed."""
     alarms: Mapping[str, int] = field(default_factory=dict)
-    """By kind: the warnings and losses that began."""
+    """By kind: the number of warnings and losses that began."""
     error_m: float | None = None
     """The absolute trajectory error, aligned as in the metrics of a run; None without ground truth."""
 
     @staticmethod
     def of(steps: Iterable[tuple[int, Step]], alarms: Iterable[str] = (), error_m: float | None = None) -> Outcome:
-        """Of the steps by index of their frames, and the kinds of the warnings and losses that began."""
+        """Returns the outcome from the steps by index of their frames, and the kinds of warnings and losses that
+        began."""
         own = tuple(steps)
         located = {
             i: float(np.median(step.residuals_px)) if len(step.residuals_px) else np.nan
@@ -81,7 +82,7 @@ class Outcome:
 
     @property
     def words(self) -> str:
-        """In a row of a table."""
+        """Returns the outcome as text in a row of a table."""
         begun = counted(self.segments, "segment")
         located = f"{len(self.located)} of {self.frames} frames located"
         error = "" if self.error_m is None else f", error {_length(self.error_m)}"
@@ -99,7 +100,7 @@ class Trial:
 
     method: str
     name: str
-    """Of the setting, as the config has it."""
+    """Name of the setting in the config."""
     before: Any
     value: Any
 
@@ -110,7 +111,7 @@ class Trial:
 
     @property
     def option(self) -> str:
-        """As a command line has it."""
+        """Returns the setting as an option of the command line."""
         flag = self.name.replace("_", "-")
         if isinstance(self.value, bool):
             return f"--{self.method}.{flag if self.value else f'no-{flag}'}"
@@ -124,18 +125,19 @@ class Tried:
     trial: Trial
     outcomes: tuple[Outcome, ...]
     unchanged: tuple[Outcome, ...]
-    """Of the run's own settings, with the same images."""
+    """Outcomes with the run's own settings and the same images."""
     later: tuple[Outcome, Outcome] | None = None
-    """In the frames after the stretch, of the trial and of the run's own settings; None where nobody looked."""
+    """Outcomes after the stretch, with the trial and with the run's own settings; None if they were not computed."""
     event: str = ""
     """The kind of warning or loss that is to be explained; empty where there is none."""
 
     @cached_property
     def gains(self) -> Mapping[str, float]:
-        """By how much its worst outcome is better than the best unchanged one, in words for that: over what is needed.
-        Empty where it locates fewer frames, begins more segments, or only accepts worse poses.
+        """Returns by how much its worst outcome is better than the best unchanged one, relative to the least gain that
+        counts, by words for the kind of gain. Empty if it locates fewer frames, begins more segments, or only accepts
+        worse poses.
 
-        The error decides where it is known: a few frames fewer are no loss then, and a larger error is.
+        If the error is known, it decides: a few frames fewer are no loss then, and a larger error is one.
         """
         own, other = self.outcomes, self.unchanged
         longer = min(len(o.located) for o in own) - max(len(o.located) for o in other)
@@ -176,7 +178,7 @@ class Tried:
 
     @property
     def only_delays(self) -> bool:
-        """Whether what is won in the stretch is lost again after it."""
+        """Returns whether the gain in the stretch is lost again after it."""
         if self.later is None:
             return False
         own, other = self.outcomes[0] + self.later[0], self.unchanged[0] + self.later[1]
@@ -184,12 +186,12 @@ class Tried:
 
     @property
     def strength(self) -> float:
-        """From 1 on it helps."""
+        """Returns the strength of the trial; it helps from 1 on."""
         return max(0.0, *self.gains.values()) if self.gains and not self.only_delays else 0.0
 
     @property
     def gain(self) -> str:
-        """What is gained most, in words; empty where nothing is."""
+        """Returns the largest gain in words; empty without one."""
         return max(self.gains, key=lambda words: self.gains[words], default="")
 
     @property
@@ -249,13 +251,13 @@ class Reruns:
     left: tuple[str, ...] = ()
     """Options for which no time was left."""
     note: str = ""
-    """Why nothing was tried, or what to keep in mind of what was."""
+    """Why nothing was tried, or a caution about the trials."""
     set_back: bool = False
     """Whether settings that differ from their defaults were set back to them."""
 
     @property
     def best(self) -> Tried | None:
-        """What helps most; None where nothing does."""
+        """Returns the trial that helps most; None if none does."""
         return max((t for t in self.tried if t.helps), key=lambda t: t.strength, default=None)
 
     @property

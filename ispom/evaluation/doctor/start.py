@@ -39,7 +39,7 @@ SURE_PX = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A scene, and all observations of its points. Points with an even number are held out."""
+    """A scene, and all observations of its points. Points with an even number are not fitted, but used for tests."""
 
     scene: Scene
     seen: Observations

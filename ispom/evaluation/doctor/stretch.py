@@ -17,7 +17,7 @@ class Shot:
     """One frame of the stretch."""
 
     index: int
-    """In the sequence."""
+    """Index of the frame in the sequence."""
     time_ns: int
     images: dict[str, Image]
     """By camera: grey, at the size of `Examination.rig`."""
@@ -32,12 +32,13 @@ class Stretch:
     """Frames of a sequence, in the order of time."""
 
     rig: Rig
-    """With cameras of the size of the images."""
+    """The rig, with cameras of the size of the images."""
     shots: tuple[Shot, ...]
     times_ns: NDArray[np.int64]
-    """Of all frames of the main camera's kind in the stretch and before it: a gap is one by the usual interval."""
+    """Times of all frames of the main camera's kind in the stretch and before it, from which the usual interval, and so
+    a gap, is known."""
     reduced: Mapping[str, int] = field(default_factory=dict)
-    """By camera: pixels of the recording per pixel of the images here; 1 for those that are not named."""
+    """By camera: pixels of the recording per pixel of the images here; 1 for cameras that are not listed."""
 
     def recorded_px(self, camera: str, examined_px: float) -> float:
         """Returns a length in pixels of the recording's images, of one in pixels of the images here."""

@@ -22,12 +22,12 @@ MOST = 160
 APART_PX = 8
 TRACKER = Klt(window_px=15, levels=3, iterations=30, max_forward_backward_px=0.4, border_px=2, back_from_guess=True)
 FROM_LEFT = replace(TRACKER, levels=2)
-"""From the left into the right image, where the search starts near."""
+"""Tracker from the left into the right image, where the search starts near."""
 GUESSES = (0.01, 0.035, 0.07, 0.12, 0.18, -0.02, -0.05, -0.1)
 """Disparities from which the search in the right image starts, relative to its width; negative ones where left and
 right are exchanged."""
 QUALITY = 0.01
-"""Of corners, relative to the best one (Shi and Tomasi)."""
+"""Least quality of corners, relative to the best one (Shi and Tomasi)."""
 MEAN, STD = 110.0, 45.0
 """Images are brought to this mean and contrast before they are compared: an exposure that jumps costs no tracks."""
 

@@ -32,12 +32,12 @@ class TripleEvidence:
     """Numbers among the frames of the main camera."""
     log_ratio: float
     sigma: float
-    """Of the logarithm: scatter of the points, and a common displacement of BIAS_PX."""
+    """Standard deviation of the logarithm: scatter of the points, and a common displacement of BIAS_PX."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What the images say."""
+    """The evidence of the images."""
 
     pairs: tuple[PairEvidence, ...]
     triples: tuple[TripleEvidence, ...]

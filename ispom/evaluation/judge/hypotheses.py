@@ -1,5 +1,5 @@
-"""What may be wrong with all poses at once: clock, axes, mount, lever arm, the inverse poses, or a drift. Each is
-fitted to one half of the pairs and tested on the other."""
+"""Errors of all poses at once: clock, axes, mount, lever arm, inverse poses, or a drift. Each hypothesis is fitted to
+one half of the pairs and tested on the other."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ LARGEST_CLOCK_S, CLOCK_STEP_S = 0.5, 0.01
 CLOCK_FLOOR_S = 0.002
 """A clock is never known better: cameras stamp the begin, the middle or the end of an exposure of some ms."""
 CENTRE_PX = 1.0
-"""A mount is never known better than the principal point of a calibration, which is usually known to so much."""
+"""Usual uncertainty of the principal point of a calibration. A mount is never known better than that."""
 CLOCK_TELLS_S, MOUNT_TELLS, LEVER_TELLS = 0.01, np.radians(1.0), 0.5
 """The smallest offsets that matter: half a frame at 50 Hz, a degree [rad], and half of the distance between the frames
-of a pair. The images tell whether there is one if it would be significant."""
+of a pair. The images decide about a hypothesis if such an offset would be significant."""
 TURNING_TELLS, GROWING_TELLS = np.radians(1.0), 0.1
-"""The same of drifts: 1 degree [rad] in a second, and a tenth of the scale in a second."""
+"""The smallest drifts that matter: 1 degree [rad] in a second, and a tenth of the scale in a second."""
 LEAST_EXCHANGE = np.radians(45.0)
 """Exchanged axes turn by at least 90 degrees: a smaller turn is a mount."""
 LEAST_TRIPLES = 20
@@ -62,7 +62,7 @@ class Tested:
     size: float
     """Offset [s], angle of the mount [rad], lever arm [the poses' unit], or drift [rad/s, 1/s]; 0 for an inverse."""
     sigma: float
-    """Of the size, in its worst direction; 0 for `axes` and `inverse`."""
+    """Standard deviation of the size, in its worst direction; 0 for `axes` and `inverse`."""
     telling: float
     """The smallest offset that matters."""
     gains: tuple[float, float]
@@ -89,7 +89,7 @@ class Tested:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What hypotheses are tested on."""
+    """The poses and the evidence on which hypotheses are tested."""
 
     pairs: Pairs
     poses: Trajectory
@@ -97,9 +97,9 @@ class Setting:
     times_ns: NDArray[np.int64]
     """(F,) of the frames."""
     change: Change = UNCHANGED
-    """What is known to be wrong."""
+    """The change by hypotheses that were accepted before."""
     triples: tuple[TripleEvidence, ...] = ()
-    """Those that show how the scale changes."""
+    """Triples, which show how the scale changes."""
 
     def residuals(self, change: Change, chosen: NDArray[np.bool_]) -> Array:
         """Returns the robust residuals (5 N,) of some of the pairs: their sum of squares is the cost."""
@@ -146,7 +146,7 @@ class Setting:
 
 
 def tested_all(setting: Setting) -> tuple[tuple[Tested, ...], Change]:
-    """Returns the hypotheses as tested, the accepted ones first, and what to change of all poses by these."""
+    """Returns the tested hypotheses, the accepted ones first, and the change of all poses by the accepted ones."""
     accepted: list[Tested] = []
     left: list[Kind] = list(TESTS)
     while True:
@@ -203,14 +203,14 @@ def _turning(setting: Setting) -> Tested:
 
 
 def _bias_per_second(setting: Setting) -> float:
-    """What a lens model may turn the camera by in the same way between the frames of every pair [rad/s]."""
+    """Returns the rotation rate [rad/s] by which an error of the lens model may turn the camera in every pair."""
     pairs = setting.pairs
     seconds = (setting.times_ns[pairs.second] - setting.times_ns[pairs.first]) * 1e-9
     return float(np.median(BIAS_PX * pairs.listed[0].pixel / np.maximum(seconds, 1e-9)))
 
 
 def _growing(setting: Setting) -> Tested:
-    """By the triples alone: relative poses of pairs do not show a scale."""
+    """Tests a drift of the scale by the triples alone, because relative poses of pairs have no scale."""
     nothing = Tested("growing", setting.change, 0.0, np.inf, GROWING_TELLS, (0.0, 0.0))
     changes, sigmas = scale_changes(setting.triples, setting.given)
     known = np.isfinite(changes)
@@ -334,4 +334,5 @@ SETTLES: dict[Kind, tuple[Kind, ...]] = {
     "turning": ("turning",),
     "growing": ("growing",),
 }
-"""What is not tested again once one is accepted: all but the clock and the lever arm turn the mount as well."""
+"""By accepted hypothesis: those that are not tested any more. All but the clock and the lever arm also turn the
+mount."""

@@ -1,4 +1,4 @@
-"""The judgement of a trajectory: what all poses have wrong, what is wrong at some time, and the verdict."""
+"""The judgement of a trajectory: errors of all poses, errors at some time, and the verdict."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class StretchMisfit:
 
 @dataclass(frozen=True)
 class PairMisfit:
-    """How far the poses of two frames are from what their images say."""
+    """The misfit between the poses of two frames and their images."""
 
     first: int
     second: int
@@ -63,25 +63,25 @@ class PairMisfit:
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """Of a trajectory."""
+    """The judgement of a trajectory."""
 
     verdict: Verdict
     tested: tuple[Tested, ...]
-    """What all poses may have wrong, the accepted ones first."""
+    """Hypotheses about errors of all poses, the accepted ones first."""
     change: Change
-    """What to do to all poses, by the accepted ones."""
+    """The change of all poses by the accepted hypotheses."""
     denied: tuple[Denied, ...]
     """Where the images deny the poses, changed by `change`, in order of time."""
     stretches: tuple[StretchMisfit, ...]
-    """Of the poses as they were given."""
+    """Stretches of the poses as they were given."""
     pairs: int
     frames: int
-    """That have a pose."""
+    """Number of frames that have a pose."""
     smoothing: Smoothing | None = None
-    """What the poses lack of the images' shake; None where the images show none."""
+    """The part of the images' shake that the poses lack; None where the images show none."""
     misfits: tuple[PairMisfit, ...] = ()
-    """Of the poses as they were given, by first frame. Pairs whose images have two explanations, of which the poses are
-    one, are left out."""
+    """Misfits of the poses as they were given, by first frame. A pair is skipped if its images have two explanations
+    and the poses are one of them."""
 
 
 def judge(

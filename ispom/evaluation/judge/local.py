@@ -1,4 +1,4 @@
-"""What is wrong at some time: pairs that the images deny, steps of the scale, and rest that only one side knows."""
+"""Errors at some time: pairs that the images deny, steps of the scale, and rest in the images or the poses only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ ALARM = 1e-4
 LEAST_PAIRS = 2
 """Pairs (or triples) that must deny a motion together: one alone may be a wrong fit."""
 QUIET = 0.3
-"""Share of the triples that tell how much a right scale scatters: a step is in many triples of a short recording."""
+"""Share of the triples from which the scatter of a right scale is computed, because a step is in many triples of a
+short recording."""
 STILL_PX = 4 * BIAS_PX
 """Images that move by less stand still; poses whose motion should move them by REST_RATIO times as much do not."""
 REST_RATIO = 5.0
@@ -41,12 +42,12 @@ class Denied:
     size: float
     """motion: largest misfit [standard deviations]; scale: logarithm of the step; rest: displacement [px]."""
     sigma: float
-    """Of the logarithm; 0 for the others."""
+    """Standard deviation of the logarithm of a scale; 0 for the others."""
     turn_rad: float = 0.0
     direction_rad: float = 0.0
     """Misfits of the worst pair, for `motion`."""
     poses_rest: bool = False
-    """For `rest`: the poses stand still while the images move; else the other way round."""
+    """For `rest`: whether the poses stand still while the images move; otherwise the images stand still."""
     within: tuple[int, int] | None = None
     """For `motion`: frames that all denied pairs contain, where there are any; a jump is between these."""
 

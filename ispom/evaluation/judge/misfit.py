@@ -1,4 +1,4 @@
-"""How far given poses are from what the images say, pair by pair."""
+"""The misfit between given poses and the images, pair by pair."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ class Pairs:
 
     @cached_property
     def share(self) -> Array:
-        """(N,) of one independent pair: pairs begin at every frame, so that each motion is in several."""
+        """Returns (N,) the weight of each pair, as a share of an independent pair: pairs begin at every frame, so each
+        motion is in several."""
         return 1.0 / np.maximum(self.second - self.first, 1)
 
     @cached_property
@@ -78,10 +79,11 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Of N pairs."""
+    """The misfits of N pairs."""
 
     vectors: Array
-    """(N, 5) [rad] turn and change of direction from the images' pose to the given one; 0 for what is not compared."""
+    """(N, 5) [rad] turn and change of direction from the images' pose to the given one; 0 for parts that are not
+    compared."""
     white: Array
     """(N, 5) the same in standard deviations."""
     lengths: Array

@@ -1,4 +1,4 @@
-"""What the tracks of two frames say of the motion between them: the best relative pose, and how sure it is."""
+"""The motion between two frames by their tracks: the best relative pose and its covariance."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from ispom.solvers.multiview.rotation import dominant_rotation, rotate
 from ispom.solvers.multiview.triangulation import triangulate
 
 BIAS_PX = 0.25
-"""Tracks may be displaced by so much in common, beyond their noise: what a lens model fitted to a target usually leaves
-(0.1 to 0.3 px). A pose that moves the epipolar lines by less is never contradicted."""
+"""Largest common displacement of tracks, in addition to their noise: the usual residual of a lens model that was fitted
+to a target (0.1 to 0.3 px). A pose that moves the epipolar lines by less is never contradicted."""
 LEAST_NOISE_PX = 0.02
 """Noise of tracks is never taken to be less: exact ones have none."""
 LEAST = 30
@@ -36,7 +36,8 @@ UNKNOWN = np.pi
 
 @dataclass(frozen=True, eq=False)
 class TwoViews:
-    """Tracks of two frames, and what they say of the motion whatever poses are judged: it is computed once."""
+    """Tracks of two frames, and results about the motion that do not depend on the judged poses; they are computed
+    once."""
 
     x1: Array
     """(N, 2) tracks in the first frame, in normalised coordinates."""

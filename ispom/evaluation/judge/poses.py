@@ -1,4 +1,4 @@
-"""The poses that are judged, at the times of the frames, and what may be wrong with all of them at once."""
+"""The judged poses at the times of the frames, and changes of all poses at once."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Trajectory
 
 NEAR_NS = 1_000_000
-"""A pose so near in time is the frame's own: files round times to microseconds or milliseconds."""
+"""Largest time difference of a pose that is the frame's own: files round times to microseconds or milliseconds."""
 LONGEST_GAP_NS = 250_000_000
-"""Between poses further apart nothing is interpolated: handheld cameras change their motion within such a time."""
+"""Largest interval between two poses in which poses are interpolated: handheld cameras change their motion within a
+longer one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What is done to all poses before they are compared with the images."""
+    """The change of all poses before they are compared with the images."""
 
     clock_s: float = 0.0
     """A frame at time t has the pose that the file states for t + `clock_s`."""

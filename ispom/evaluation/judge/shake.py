@@ -31,9 +31,9 @@ LEAST_BLOCKS = 3
 NEAREST = 0.1
 """Depth, relative to the one in the first frame, below which a track is expected behind the camera."""
 ROUNDS = 4
-"""Of the robust fit of a turn."""
+"""Iterations of the robust fit of a turn."""
 EPIPOLE = 1e-2
-"""Angle [rad] from the direction of motion within which a track says nothing of its distance."""
+"""Angle [rad] from the direction of motion within which a track does not determine its distance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Shakes:
 
 @dataclass(frozen=True)
 class Smoothing:
-    """What the poses lack of the images' shake, at the step at which that is most significant."""
+    """The part of the images' shake that the poses lack, at the step at which it is most significant."""
 
     step: int
     missing: float
@@ -57,7 +57,7 @@ class Smoothing:
     change it."""
     sigma: float
     missing_px: float
-    """RMS of what is missing, at the centre of the image [px of the tracked images]."""
+    """RMS of the missing part, at the centre of the image [px of the tracked images]."""
 
     @property
     def found(self) -> bool:
@@ -137,7 +137,8 @@ def _turns(shakes: Shakes, given: Trajectory, pixel: float) -> tuple[Array, Arra
 
 
 def _expected(shakes: Shakes, given: Trajectory) -> Array:
-    """Where the poses expect the tracks (T, N, 2) in the middle frame, by both neighbours; NaN behind the camera."""
+    """Returns the positions (T, N, 2) of tracks in the middle frame that the poses predict from both neighbours; NaN
+    behind the camera."""
     a, k, b = shakes.frames.T
     r, t = given.rotations, given.translations
     back, x = np.swapaxes(r, 1, 2), shakes.x.astype(float)

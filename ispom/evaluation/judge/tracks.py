@@ -21,7 +21,7 @@ from .pairs import TwoViews
 LONGEST_SPAN = 16
 """Frames between the two of a pair, at most: tracks become few, and the answer no longer local."""
 FEATURES = 1500
-"""Features of an image that are matched: a second witness beside the tracks."""
+"""Number of features of an image that are matched: a second witness in addition to the tracks."""
 CHUNK = 96
 """Frames that are tracked at a time, which limits memory; the next chunk begins early enough for its first pairs."""
 
@@ -33,7 +33,7 @@ class Chunk:
     first: int
     """Number of its first frame among those of the main camera."""
     fresh: int
-    """Its first so many frames begin pairs; those of the others are in the next chunk."""
+    """Number of its first frames that begin pairs. Pairs that begin at later frames are in the next chunk."""
     x: Array
     """(P, F, 2) in normalised coordinates; NaN where a corner is not seen."""
     pixel: float

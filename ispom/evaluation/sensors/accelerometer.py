@@ -1,8 +1,8 @@
-"""The accelerometer against the positions of the images: gravity, unit, sign and bias, and what it adds to the mount.
+"""Compares the accelerometer with the positions of the images: gravity, unit, sign and bias, and the mount.
 
-The mean velocity over one interval differs from that over the next one by the accelerations meanwhile, weighted by a
-triangle: no position is differentiated twice, and gravity need not be known. Clock and mount are those of the
-gyroscope, as well as it knows them.
+The difference of the mean velocities over two successive intervals is the integral of the acceleration, weighted by a
+triangle. So no position is differentiated twice, and gravity need not be known. Clock and mount are those of the
+gyroscope, with their uncertainty.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ GRAVITY_SIGMA = 0.03
 INTERVAL_S = 0.4
 """Mean velocities are those over at least this time: an error of 1 cm then is one of 0.1 m/s^2."""
 SAMPLES = 24
-"""Accelerations of so many times are summed in each triangle."""
+"""Number of times whose accelerations are summed in each triangle."""
 AS_GOOD = 10.0
 """Difference of losses from which on another sign of the forces is better: e^10 times as likely."""
 TILT_UPRIGHT = 0.5
@@ -123,7 +123,7 @@ class AccelerometerFit:
     reversed: bool
     """Whether the forces fit only with their signs reversed."""
     sign_known: bool
-    """Whether the motion tells the sign."""
+    """Whether the motion determines the sign."""
 
 
 def accelerometer_fit(seen: Speeds, metric: bool, mount: tuple[Array, Array], hidden: Array) -> AccelerometerFit:
@@ -165,7 +165,7 @@ def _best(seen: Speeds, metric: bool, mount: tuple[Array, Array], hidden: Array,
 
 
 def _losses(fits: list[Fit], seen: Speeds) -> list[float]:
-    """Returns the losses of fits with one noise, with what is known beforehand."""
+    """Returns the losses of fits, with the same noise and including their priors."""
     scale = np.min([fit.scale for fit in fits], axis=0)
     return [
         loss(fit.problem.residuals(fit.values) / scale)
@@ -198,7 +198,7 @@ def _log_unit(ratio: float) -> float:
 
 
 def _first_gravity(seen: Speeds, mount: Array) -> Array:
-    """Returns gravity (3,) in the unit of the forces: what they would cancel on average."""
+    """Returns gravity (3,) in the unit of the forces, which cancel it on average."""
     made = np.einsum("nkij,jl,nkl->ni", seen.rotations, mount @ seen.rig_from_imu, seen.forces)
     return np.asarray(-np.median(made / seen.seconds[:, None], axis=0))
 

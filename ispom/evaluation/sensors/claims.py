@@ -1,4 +1,4 @@
-"""What is claimed of a sensor: a number with its standard deviation, and whether it is wrong, right, or not known."""
+"""Claims about a sensor: a number with its standard deviation, and whether it is wrong, right, or unknown."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from ispom.geometry import Array
 from .fit import Fit, HeldOut, fitted, held_out, loss
 
 SURE = 4.0
-"""A number is wrong where it is so many standard deviations from what is stated: they come from ten groups, and several
-numbers of each recording are looked at."""
+"""Standard deviations by which a number must differ from the stated one to be wrong: they come from ten groups, and
+several numbers of each recording are tested."""
 SUSPICIOUS = 2.5
-"""From so many on it cannot be told."""
+"""Standard deviations of the difference from which on the verdict is "cannot tell"."""
 LEAST_GAIN = 0.02
 """Share of the loss of held-out groups that a wrong number must explain."""
 LEAST_NATS = 6.0
@@ -26,30 +26,30 @@ LEAST_BETTER = 0.6
 
 
 CERTAIN = HeldOut(1.0, np.inf, 1.0)
-"""Where this needs no test."""
+"""The result for claims that need no test."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What was found about one number, or one group of numbers, of a sensor."""
+    """A claim about one number, or one group of numbers, of a sensor."""
 
     key: str
     """Such as imu-clock."""
     sensor: str
     """In the rig."""
     size: float
-    """How far it is from what is stated."""
+    """Difference from the stated value."""
     sigma: float
     least: float
-    """From which size on it matters."""
+    """Size from which on it matters."""
     sentence: str
     unit: tuple[float, str] = (1.0, "")
-    """What the sizes are multiplied by for a person, and the unit then."""
+    """Factor by which sizes are multiplied for people, and the unit then."""
     values: Mapping[str, float] = field(default_factory=dict)
     held_out: HeldOut = CERTAIN
-    """What groups say that had no part in the fit."""
+    """Result for groups that had no part in the fit."""
     rival: str = ""
-    """What else would explain the same; empty where nothing would."""
+    """Another cause that would explain the same; empty without one."""
 
     @property
     def large(self) -> bool:
@@ -75,7 +75,7 @@ class Claim:
 
     @property
     def evidence(self) -> str:
-        """What was found in sentences, and the least that would show."""
+        """Returns sentences about the result, and about the least size that would be found."""
         if self.found:
             share = self.held_out.gain
             held = f" Stretches that had no part in the fit are explained better by {share:.0%}." if share < 1 else ""
@@ -86,7 +86,7 @@ class Claim:
 
     @property
     def strength(self) -> float:
-        """From 1 on it is found."""
+        """Returns the strength of the claim; from 1 on it is found."""
         strength = (
             min(self.size / self.least, self.size / (SURE * self.sigma)) if self.sigma > 0 else self.size / self.least
         )
@@ -94,8 +94,8 @@ class Claim:
 
 
 def tested(fit: Fit, numbers: list[int], claim: Claim) -> Claim:
-    """Returns the claim with what held-out groups say of these numbers, against a fit in which they are as stated.
-    Where the claim is not large enough to need a test, none is made."""
+    """Returns the claim with a test of these numbers on held-out groups, against a fit with the stated numbers. A claim
+    that is too small to need a test is not tested."""
     if not claim.large or claim.size < SUSPICIOUS * claim.sigma:
         return claim
     free: NDArray[np.bool_] = fit.free.copy()

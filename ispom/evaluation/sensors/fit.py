@@ -1,4 +1,4 @@
-"""Small robust least squares: a few numbers with their standard deviations, and what held-out stretches say of them."""
+"""Small robust least squares: a few numbers with their standard deviations, and their test on held-out stretches."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GROUPS = 10
 """Consecutive stretches of the recording; each is left out once. They are long against the time over which the errors
 of images are alike, and enough to tell how much an estimate scatters (by a quarter)."""
 WIDTH = 2.5
-"""Residuals of so many standard deviations count half: an image whose motion is wrong must not decide."""
+"""Residual [standard deviations] whose weight is half: an image whose motion is wrong must not decide."""
 ITERATIONS, TRIES = 20, 4
 """Steps of a fit, and halvings of a step that does not lower the cost."""
 CONVERGED = 1e-3
@@ -31,14 +31,14 @@ class Problem:
     residuals: Callable[[Array], Array]
     """Returns (N, D) of the numbers (P,); each column has a noise of its own, which is found from the residuals."""
     steps: Array
-    """(P,) by which derivatives are taken."""
+    """(P,) steps of the numerical derivatives."""
     widest: Array
-    """(P,) standard deviation of what is known of each number beforehand: how wrong it can be at all."""
+    """(P,) prior standard deviation of each number: how wrong it can be at all."""
     known: tuple[Array, Array] | None = None
     """A value (P,) and information (P, P) from another sensor, which is added."""
 
     def prior(self, values: Array) -> tuple[Array, Array, float]:
-        """Returns information (P, P), gradient (P,) and cost of what is known beforehand."""
+        """Returns information (P, P), gradient (P,) and cost of the prior."""
         information = np.diag(self.widest**-2.0)
         gradient = information @ values
         cost = float(values @ gradient)
@@ -72,7 +72,7 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """With the loss and the noise of this fit; without what was known beforehand."""
+        """Returns the cost with the loss and the noise of this fit, without the prior."""
         return loss(self.residuals)
 
     @cached_property
@@ -176,7 +176,7 @@ def groups(count: int) -> list[NDArray[np.intp]]:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """How much better groups are explained that had no part in a fit."""
+    """The improvement for groups that had no part in a fit."""
 
     gain: float
     """Share of their loss."""

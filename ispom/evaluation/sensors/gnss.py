@@ -1,8 +1,8 @@
-"""GNSS fixes against the path of the images: clock, lever arm, unit, and axes that are exchanged.
+"""Compares GNSS fixes with the path of the images: clock, lever arm, unit, and exchanged axes.
 
-The path is laid onto the fixes piece by piece, as images drift. A lever arm shows where the rig turns, a clock where
-the velocity changes. A path in a plane fits its mirror image if it is turned over, so that up must be known: from the
-accelerometer, or else from cameras that are held upright.
+The path is aligned with the fixes piece by piece, as images drift. A lever arm shows where the rig turns, a clock
+offset where the velocity changes. A path in a plane fits its mirror image if it is turned over, so up must be known:
+from the accelerometer, or else from cameras that are upright.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ true ones, where the images are metric, else of the unit of the images."""
 STEPS = np.array([0.01, 0.01, 0.01, 0.01, 1e-3])
 WIDEST = np.array([2.0, 5.0, 5.0, 5.0, 10.0])
 PIECE_S, PIECE_FIXES = 40.0, 8
-"""A piece lasts so long, and has so many fixes at least: pairs of cameras drift by 1 m in 100 m, and less in a piece
-once that is laid onto the fixes."""
+"""Least duration of a piece of the path [s], and its least number of fixes: pairs of cameras drift by 1 m in 100 m, and
+less in a piece that is aligned with the fixes."""
 TILT_UPRIGHT, TILT_MEASURED = 0.3, 0.03
 """Standard deviations of up in the world of the images [rad]: of cameras that a person or a vehicle holds upright, and
 by the accelerometer."""
@@ -69,7 +69,7 @@ class Fixes:
         t = np.clip(self.times_s - values[0], self.path.times_s[0], self.path.times_s[-1])
         rotations = self.path.rotations_at(t)
         assert rotations is not None
-        # Beyond both ends the path goes on as it does there, so that a clock can be off by more than what is left.
+        # The path is extrapolated beyond both ends, so that a clock offset can be larger than the time left there.
         beyond = (self.times_s - values[0] - t)[:, None] * self._end_speeds(t)
         seen = self.path.positions_at(t) + beyond
         size = np.exp(values[4])
@@ -127,11 +127,11 @@ class GnssFit:
     exchanged: bool
     """Whether they fit only with exchanged axes."""
     axes_known: bool
-    """Whether the path tells."""
+    """Whether the path determines the axes."""
 
 
 def gnss_fit(seen: Fixes, up_measured: bool) -> GnssFit:
-    """Returns the fit, as near to what is stated as is as good."""
+    """Returns the fit that is nearest to the stated numbers, of those that are equally good."""
     found = list[tuple[Fixes, Fit]]()
     for onto in (np.eye(3), EXCHANGED):
         turned = replace(seen, xyz=seen.xyz @ onto.T)
@@ -156,7 +156,7 @@ def _problem(seen: Fixes, up_measured: bool) -> Problem:
 
 
 def _starts(seen: Fixes) -> list[Array]:
-    """Returns numbers with each piece laid onto its fixes in the plane: with the clock as stated, and as is best."""
+    """Returns numbers with each piece aligned with its fixes in the plane: with the stated clock, and with the best."""
     found = []
     for late in np.linspace(-LATEST_S, LATEST_S, OFFSETS):
         start = np.zeros(5 + OF_PIECE * seen.pieces)

@@ -1,8 +1,7 @@
-"""The gyroscope against the rotations of the images: its clock, mount, unit and bias at once.
+"""Compares the gyroscope with the rotations of the images: its clock, mount, unit and bias at once.
 
-The rotation from one image to the next is what the gyroscope's rates add up to meanwhile, about other axes. A wrong
-clock shows where the rate of turning changes, a wrong mount where the rig turns about an axis that is not the wrong
-one's.
+The rotation from one image to the next is the integral of the gyroscope's rates, about other axes. A wrong clock shows
+where the rate of turning changes, a wrong mount where the rig turns about another axis than that of the mount's error.
 """
 
 from __future__ import annotations
@@ -25,32 +24,32 @@ NUMBERS = ("clock_s", "mount_x", "mount_y", "mount_z", "log_unit", "bias_x", "bi
 of the measured rate over the true one; bias along the unit's axes, of the true rate [rad/s]."""
 STEPS = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4])
 WIDEST = np.array([1.0, 3.0, 3.0, 3.0, 5.0, 0.5, 0.5, 0.5])
-"""How wrong each can be at all: whole seconds are another start of the recording, found otherwise; any direction; any
-unit; 30 deg/s."""
+"""Prior standard deviations, how wrong each number can be at all. Whole seconds of the clock are another start of the
+recording, which is found by other means; the mount can have any direction; any unit; a bias of 30 deg/s."""
 FEWEST = 20
 """Fewer intervals say nothing."""
 MOST = 600
 """Intervals that are compared; of more, every second, third, ... is."""
 SUBSTEP_S = 0.02
-"""Rates are constant for so long: coning motions of a hand are exact to 1e-5 rad then."""
+"""Longest time in which rates count as constant: coning motions of a hand are exact to 1e-5 rad then."""
 MOST_SUBSTEPS = 40
 """Long intervals are those of slow motions."""
 LATEST_S, OFFSETS = 1.0, 201
-"""Clock offsets from which a fit starts are looked for up to this [s], in so many steps."""
+"""Largest clock offset from which a fit starts [s], and the number of offsets that are tried."""
 AS_GOOD = 1.05
-"""Of several fits, one nearer to what is stated is preferred unless its loss is larger by this factor: what the motion
-does not show stays as stated, and a motion that repeats itself fits at each period."""
+"""Largest ratio of losses with which a fit nearer to the stated numbers is preferred: numbers that the motion does not
+determine stay as stated, and a motion that repeats itself fits at each period."""
 AS_GOOD_CHANCE = 10.0
 """Difference of losses that chance makes: half a chi-square of eight numbers, nineteen times of twenty, and more."""
 CHANCE = 3.0
-"""What two noises have in common by chance, in standard deviations."""
+"""Correlation of two noises by chance, in standard deviations."""
 HIDDEN = 1e-3
 """An axis is hidden where the rig turns about all others by less than this share of its turns (mean squares)."""
 MOST_ALIKE = 0.47
 """Two neighbouring residuals of poses that err each by itself have a correlation of -0.5; a little less keeps sums
 finite."""
 HELD_RAD, HELD_S = 1e-4, 1e-5
-"""Numbers that the motion does not show are held this near to what is stated."""
+"""Prior standard deviations of numbers that the motion does not determine, about the stated ones."""
 UNITS = {1.0: "rad/s", 180 / np.pi: "degrees per second", np.pi / 180: "radians that were taken for degrees"}
 
 
@@ -128,7 +127,7 @@ def turns(path: Path, times_s: Array, rates: Array, rig_from_imu: Array) -> Turn
 
 @dataclass(frozen=True, eq=False)
 class GyroscopeFit:
-    """The numbers (`NUMBERS`) that fit best, as near to what is stated as is as good."""
+    """The numbers (`NUMBERS`) that fit best; of equally good ones, those nearest to the stated ones."""
 
     turns: Turns
     fit: Fit
@@ -137,7 +136,7 @@ class GyroscopeFit:
 
 
 def gyroscope_fit(seen: Turns) -> GyroscopeFit:
-    """Returns the fit. Noise and what the motion does not show are taken from a first one."""
+    """Returns the fit. A first fit gives the noise, and the numbers that the motion does not determine."""
     first = _nearest(seen, np.zeros((0, 3)))
     late, hidden = float(first.values[0]), hidden_axes(seen, first)
     seen = replace(seen, carry=_carry(first.residuals) if seen.apart else 0.0)
@@ -145,7 +144,7 @@ def gyroscope_fit(seen: Turns) -> GyroscopeFit:
 
 
 def _nearest(seen: Turns, hidden: Array, late_s: float | None = None) -> Fit:
-    """Returns the fit nearest to what is stated of those that are as good."""
+    """Returns the fit that is nearest to the stated numbers, of those that are equally good."""
     information = np.zeros((8, 8))
     information[1:4, 1:4] = hidden.T @ hidden / HELD_RAD**2
     if not seen.clock_shows:
@@ -159,8 +158,8 @@ def _nearest(seen: Turns, hidden: Array, late_s: float | None = None) -> Fit:
 
 
 def hidden_axes(seen: Turns, fit: Fit) -> Array:
-    """Returns the axes (K, 3) of GyroscopeFit: only what images and gyroscope measured alike counts, as their noises
-    are not alike."""
+    """Returns the axes (K, 3) of GyroscopeFit. Only the common part of both measurements counts, because the noises of
+    images and gyroscope are independent."""
     seconds = (seen.ends_s - seen.begins_s)[:, None]
     mine, theirs = (
         _clipped(each - each.mean(axis=0)) for each in (seen.mean_rates, seen.predicted(fit.values) / seconds)
@@ -182,7 +181,7 @@ def _carry(residuals: Array) -> float:
 
 
 def _far(values: Array) -> float:
-    """How far numbers are from what is stated: a quarter turn counts as a second."""
+    """Returns the distance of numbers from the stated ones; a quarter turn counts as a second."""
     return float(abs(values[0]) + np.linalg.norm(values[1:4]) / (np.pi / 2) + abs(values[4]))
 
 

@@ -1,7 +1,7 @@
-"""Over which time sensors are compared with images, so that their noise does not pass for a change of the motion.
+"""The intervals over which sensors are compared with images, so that noise does not look like a change of the motion.
 
-A clock shows by how much the rate at the end of an interval differs from that at its begin. Where that is mostly noise
-of the sensor, longer intervals are taken.
+A clock offset shows in the difference of the rates at the end and at the begin of an interval. If that is mostly noise
+of the sensor, longer intervals are used.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ QUIET, LOUD = 0.1, 0.5
 """Share of noise in the changes of the rate: below the first an interval is long enough; above the second, at the
 longest one, the clock does not show."""
 OVERLAP = 4
-"""Longer intervals than the first begin so often within their length."""
+"""Number of intervals that begin within the length of one, if they are longer than the first ones."""
 MOST_S = 2.5
-"""An interval longer than so many usual ones contains a gap."""
+"""Multiple of the usual interval above which an interval contains a gap."""
 
 
 def length_s(times_s: Array, rates: Array) -> tuple[float, float]:

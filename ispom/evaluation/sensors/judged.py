@@ -20,7 +20,8 @@ from .scene import SensorScene
 from .wheel import LEAST_S, WheelFit, rolls, wheel_fit
 
 LEAST_CLOCK_S = {"imu": 0.005, "gnss": 0.02, "wheel": 0.02}
-"""At 1 rad/s and 10 m/s, rotations are off by 0.3 degrees and positions by 0.2 m then, as much as these sensors err."""
+"""Least clock offsets that matter: at 1 rad/s and 10 m/s they change rotations by 0.3 degrees and positions by 0.2 m,
+as much as the errors of these sensors."""
 LEAST_MOUNT_RAD = np.radians(0.5)
 """A mount that was measured by hand or found by a calibration is as good."""
 LEAST_ARM_M = {"gnss": 0.3, "wheel": 0.15}
@@ -29,7 +30,7 @@ LEAST_UNIT = {"gyroscope": 0.15, "accelerometer": 0.15, "gnss": 0.05, "wheel": 0
 """Logarithms of a factor: no unit is another one by less, but for wheels of a wrong size, and wheels' rotations, which
 depend on their distance."""
 LEAST_BIAS = 2 * BIAS_SIGMA
-"""From twice the standard deviation that `fused` takes a calibrated unit to have."""
+"""Least bias that matters: twice the standard deviation that `fused` assumes for a calibrated unit."""
 DEG_S, DEGREES, M_S2, METRES = (180 / np.pi, "deg/s"), (180 / np.pi, "degrees"), (1.0, "m/s^2"), (1.0, "m")
 MIRRORED = (
     "The fixes fit as well with east and north exchanged: turns both to the left and to the right would decide it."
@@ -39,7 +40,7 @@ UNKNOWN_RAD = 3.0
 WORST_SCALE = 0.1
 """Standard deviation of the logarithm of a scale by the accelerometer with which lengths are compared."""
 ALIKE = 3.0
-"""Two factors are the same within so many standard deviations."""
+"""Two factors are the same where they differ by at most this many standard deviations."""
 UNITS: Mapping[str, Mapping[float, str]] = {
     "gyroscope": {180 / np.pi: "degrees per second", np.pi / 180: "radians per second divided by 57.3"},
     "accelerometer": FORCE_UNITS,
@@ -51,7 +52,7 @@ UNITS: Mapping[str, Mapping[float, str]] = {
 
 @dataclass(frozen=True, eq=False)
 class SensorsJudged:
-    """The claims by their keys, and what the IMU shows besides."""
+    """The claims by their keys, and further results about the IMU."""
 
     claims: Mapping[str, Claim] = field(default_factory=dict)
     gyroscope: GyroscopeFit | None = None
@@ -77,7 +78,7 @@ class SensorsJudged:
 
 
 def judged(scene: SensorScene) -> SensorsJudged:
-    """Returns what is claimed; nothing of sensors that measured too little. The same scene gives the same claims."""
+    """Returns the claims; none about sensors with too few measurements. The same scene gives the same claims."""
     found = _of_imu(scene, SensorsJudged())
     scene, sigma = _in_metres(scene, found)
     return _without_rivals(_of_wheel(scene, _of_gnss(scene, found, sigma), sigma))
@@ -131,7 +132,7 @@ def _of_imu(scene: SensorScene, found: SensorsJudged) -> SensorsJudged:
 
 
 def _mount_information(found: GyroscopeFit) -> Array:
-    """Returns what the gyroscope knows of the mount (3, 3), nothing about hidden axes."""
+    """Returns the gyroscope's information (3, 3) on the mount; it is zero about hidden axes."""
     return np.linalg.inv(_mount_covariance(found))
 
 

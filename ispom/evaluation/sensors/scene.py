@@ -1,4 +1,4 @@
-"""What is compared: the path of the images, and what the sensors measured meanwhile."""
+"""The data that are compared: the path of the images, and the measurements of the sensors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ispom.sensors.kind import Readings
 from ispom.types import FrameName, Kind, Rig, Sensor, Trajectory
 
 FEWEST_POSES = 20
-"""With fewer poses of the images there is nothing to compare with."""
+"""Least number of poses of the images for a comparison."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +39,15 @@ class SensorScene:
         metric: bool,
         used: frozenset[Kind] = frozenset(),
     ) -> SensorScene:
-        """Of poses of the rig, or of the video camera where the unit is unknown; then the rig is taken to turn about
-        that camera."""
+        """Returns the scene from poses of the rig, or of the video camera if the unit is unknown. Then the rig is
+        assumed to turn about that camera."""
         onto = rig.rig_from(trajectory.frame).inverse()
         moved = trajectory.moved(right=Pose(onto.rotation, onto.translation if metric else np.zeros(3)))
         origin_ns = int(trajectory.times_ns[0]) if len(trajectory) else 0
         return SensorScene(rig, Path.of(moved, origin_ns, True), origin_ns, metric, readings, used)
 
     def scaled(self, metres: float) -> SensorScene:
-        """Returns the scene in metres, of a path of the video camera whose unit has so many."""
+        """Returns the scene in metres. `metres`: length of the unit of the video camera's path."""
         video, (path, turned) = self.rig.rig_from("video"), (self.path, self.path.rotations)
         assert turned is not None
         positions = metres * path.positions + turned @ video.rotation @ video.inverse().translation

@@ -22,13 +22,13 @@ minus stated, along the stated axes [m]; logarithms of the measured way and rota
 STEPS = np.array([5e-3, 1e-3, 0.01, 0.01, 1e-3, 1e-3])
 WIDEST = np.array([2.0, 3.0, 5.0, 5.0, 10.0, 10.0])
 LEAST_S, FEWEST = 0.3, 20
-"""Ways are compared over at least this time, in at least so many intervals."""
+"""Least duration [s] of the intervals over which ways are compared, and the least number of intervals."""
 MOST = 2000
 LATEST_S, OFFSETS = 1.0, 41
 AS_GOOD = 10.0
 """Difference of losses from which on another explanation is better: e^10 times as likely."""
 HELD = 1e-6
-"""Numbers that nothing measures are held this near to what is stated."""
+"""Prior standard deviation of numbers that nothing measures, about the stated ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class WheelFit:
 
 
 def wheel_fit(long: Rolls, short: Rolls) -> WheelFit:
-    """Returns the fits, as near to what is stated as is as good."""
+    """Returns the fits that are nearest to the stated numbers, of those that are equally good."""
     problem, free = _problem(long), np.ones(6, bool)
     free[0] = long.clock_shows
     fits = [fitted(problem, np.where(free, start, 0.0), free) for start in _starts(long)]

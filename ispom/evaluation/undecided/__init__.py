@@ -1,1 +1,1 @@
-"""What the images do not decide: the weakest combination of scale and numbers of the calibration in a stretch."""
+"""What the images leave undecided: the weakest combination of scale and numbers of the calibration in a stretch."""

@@ -1,4 +1,4 @@
-"""Which motion would decide more: the scene goes on with a short one, and the points are seen once more on its way."""
+"""Which motion would decide more: a short motion is added to the scene, and the points are observed again during it."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def motion_of(scene: Scene) -> Moved:
 
 
 def with_motion(scene: Scene, rig: Rig, seen: Observations, name: str, noise_px: float) -> Decided:
-    """Returns what would be decided if one of MOTIONS followed on the last pose.
+    """Returns what would be decided if one of MOTIONS followed the last pose.
 
-    The points of the last pose are seen on the way as far as they stay in the image, with errors of `noise_px` as they
+    The points of the last pose are observed during the motion while they stay in the image. Their errors of `noise_px`
     were drawn once.
     """
     axis, way = (np.array(each, float) for each in MOTIONS[name])

@@ -19,7 +19,7 @@ from .motions import MOTIONS, Moved, looked_at, motion_of, with_motion
 from .weakest import DECIDED_PX, Decided, decided
 
 NOISE_PX = 0.3
-"""Of observations that are not there yet: corners are tracked to about a third of a pixel."""
+"""Noise of future observations: corners are tracked to about a third of a pixel."""
 LEAST_FRAMES = 5
 NEW_POINTS = 20
 """Points that come into view at each pose of a planned motion."""
@@ -29,7 +29,7 @@ DEPTHS = (0.5, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Of one stretch."""
+    """The answer for one stretch."""
 
     first_ns: int
     last_ns: int
@@ -37,8 +37,8 @@ class Answer:
     """None where the tracks are too few or show no parallax: then nothing is decided."""
     moved: Moved | None
     cures: dict[str, float]
-    """By name of MOTIONS: by how many pixels the weakest combination would still move the points after it. Empty where
-    all is decided."""
+    """By name of MOTIONS: the pixels by which the weakest combination could still move the points after this motion.
+    Empty where all is decided."""
 
     @property
     def best_cure(self) -> str | None:
@@ -54,8 +54,8 @@ def of_recording(
     skip: int = 0,
     most: int | None = None,
 ) -> Iterator[Answer]:
-    """Yields the answer for each stretch of so many seconds, which begin `step_s` apart: without the first `skip`, and
-    `most` at most.
+    """Yields the answer for each stretch of `seconds`. Stretches begin every `step_s`. The first `skip` are skipped; at
+    most `most` follow.
 
     Raises InputError where an image is unreadable. `advance` is called after each measurement that was read, and may
     raise to end the work.
@@ -110,12 +110,12 @@ def spans(times_ns: NDArray[np.int64], seconds: float, step_s: float) -> list[tu
 
 
 def _takes_part(rig: Rig, name: str) -> bool:
-    """Where there is no video camera, the left one is the main one; a pair takes part as a whole."""
+    """Returns whether this camera of the rig takes part: the video camera, or both cameras of a pair."""
     return name == "video" or rig.has_stereo
 
 
 def _parallax_px(scene: Scene, rig: Rig) -> float:
-    """Returns how far apart a point at the median distance is seen from two poses, apart from their turn."""
+    """Returns the parallax [px] of a point at the median distance between two poses, without their rotation."""
     return motion_of(scene).distance * rig.camera("video" if rig.video is not None else "left").fx
 
 

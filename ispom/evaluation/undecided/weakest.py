@@ -1,8 +1,8 @@
-"""How well images decide scale and calibration together, from the normal equations of a scene.
+"""How well images determine scale and calibration together, from the normal equations of a scene.
 
-All poses, points and numbers are free at once. Numbers of different units are compared by what they do: by how many
-pixels they move the points while nothing else follows. The weakest combination is the one that may move them the
-farthest before the images object.
+All poses, points and numbers are free at once. Numbers of different units are compared by their effect: the pixels by
+which they move the points while all else is fixed. The weakest combination is the one that can move the points the
+farthest before the images contradict it.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from ..doctor.hypothesis import STEPS, Change
 from ..doctor.scene import Observations, Scene, predicted
 
 SCALE = "scale_percent"
-"""Of all distances. It is listed where a pair's baseline gives it; the baseline itself is taken as stated, since images
-never decide both."""
+"""Scale of all distances. It is listed if a pair's baseline determines it. The baseline itself is taken as stated,
+since images never determine both."""
 BASELINE = "baseline_percent"
 STEP_PERCENT = 0.1
 DAMPING = 1e-12
-"""Of the normal equations, relative to their diagonal before the points are eliminated: one camera's unit is free."""
+"""Damping of the normal equations, relative to their diagonal before the points are eliminated: the unit of one camera
+is free."""
 WIDEST_PX = 1000.0
-"""By how much a number may move the points, at most, whatever the images say: none is known worse than its camera."""
+"""Largest effect of a number on the points, whatever the images show: none is known worse than its camera."""
 LEAST_EFFECT_PX = 1e-9
-"""One unit of a number that moves points by less than this is not seen."""
+"""Least effect of one unit of a number; with less the number is not observable."""
 LEAST_SHARE = 0.25
-"""Of the largest part of a combination: smaller parts are not named."""
+"""Share of the largest part of a combination below which parts are not named."""
 DECIDED_PX = 1.0
 """A combination that moves the points by less, within one standard deviation, is decided: calibrations with a target
 are no better."""
@@ -46,12 +47,12 @@ class Part:
     value: float
     """How much it changes, in its own unit, when the combination changes by one standard deviation; signed."""
     px: float
-    """By how much this alone would move the points."""
+    """Pixels by which this number alone would move the points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Decided:
-    """What a stretch of images says about N numbers that are free together."""
+    """How well a stretch of images determines N numbers that are free together."""
 
     names: tuple[str, ...]
     effects_px: Array

@@ -93,9 +93,9 @@ class Unlevel(Spell):
     """The right images of the pair are not level with the left ones; the rig is unchanged."""
 
     rows_px: Annotated[float, Range(-100, 100)] = 3.0
-    """By so many rows they are lower."""
+    """Number of rows by which the right images are lower."""
     roll_deg: Annotated[float, Range(-5, 5)] = 0.0
-    """They are turned about their middle, clockwise."""
+    """Angle by which the right images are turned about their middle, clockwise [degrees]."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         def change(image: Image, _: FrameName, __: int) -> Image:

@@ -43,7 +43,7 @@ class Blame:
 def blame(problem: Problem) -> Blame:
     """Computes the influence of each part of a problem, and of each group of tracks that pull the pose the same way.
 
-    How a part is left out is up to the problem, see `WindowProblem` and `ResectionProblem`.
+    The problem itself removes a part, see `WindowProblem` and `ResectionProblem`.
     """
     parts = problem.parts
     found = [Influence(*each) for each in zip(parts, problem.shifts(parts), strict=True)]

@@ -58,7 +58,7 @@ class PointUncertainty:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The optimised problem, with what its covariances are computed from."""
+    """The optimised problem, with the data from which its covariances are computed."""
 
     problem: SplineProblem
     sampled: Sampled

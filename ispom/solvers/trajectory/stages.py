@@ -20,7 +20,8 @@ class Stage:
 
     kind: Kind
     poses: Trajectory
-    """world_from_video inside the segment; for `given` and `bracketed` also the poses outside that bracket its ends."""
+    """world_from_video inside the segment. For `given` and `bracketed` it also has the two poses outside that bracket
+    the segment's ends."""
     ends: Trajectory
     """Two poses, at the times of the stereo frames."""
     gap_m: float

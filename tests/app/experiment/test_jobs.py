@@ -21,7 +21,7 @@ class Job:
 
 
 class Stopping:
-    """Signals of which one comes after so many jobs."""
+    """Signals that stop the work after `after` jobs."""
 
     def __init__(self, after: int) -> None:
         self.left = after

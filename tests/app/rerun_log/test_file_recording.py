@@ -34,7 +34,7 @@ def rerun(*arguments: str) -> subprocess.CompletedProcess:
 
 
 def full_after(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """A disk with room for so many bytes, of which it takes a part of the piece that is too much."""
+    """A disk with room for `count` bytes. Of a piece that is too large it writes the part that fits."""
     room = [count]
 
     class Full(FileIO):

@@ -30,7 +30,7 @@ class Facades:
 
     @staticmethod
     def seeded(seed: int, period_m: float = 0.0) -> Facades:
-        """`period_m`: every house of so many metres is the same one, all along the streets; 0: no two points are."""
+        """`period_m`: length of a house; all houses along the streets are the same. 0: no two points are the same."""
         rng = np.random.default_rng(seed)
         count, one = 400, 700 if period_m else 0
         house = _unit(rng.uniform(size=(one, 128)) ** 4)

@@ -15,11 +15,11 @@ from tests.alone import alone
 from tests.estimators.modern.setups import setup_of
 
 LAST = 3
-"""Pairs seen; the video goes on for 1.7 s."""
+"""Number of pairs that are kept; the video goes on for 1.7 s."""
 
 
 def without_pairs(exposures: list[Measurement]) -> list[Measurement]:
-    """After so many."""
+    """Returns the measurements without the pairs after the first LAST ones, and without the video after these."""
     pairs = [e for e in exposures if is_stereo(e)]
     return [e for e in exposures if not is_stereo(e) or e.time_ns < pairs[LAST].time_ns]
 

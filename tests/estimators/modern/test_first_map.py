@@ -22,7 +22,7 @@ COUNT = 200
 
 
 def flown(still: int) -> tuple[Start, TrackedFrame]:
-    """Frames of a sideways flight over a deep scene, with so many points still; the others go their own ways."""
+    """Frames of a sideways flight over a deep scene. `still` of its points stand; each other one moves on its own."""
     rng = np.random.default_rng(0)
     xyz = rng.uniform((-2, -1.5, 3), (2, 1.5, 7), (COUNT, 3))
     ways = rng.uniform(-0.25, 0.25, (COUNT, 3))

@@ -92,7 +92,7 @@ def test_one_camera_begins_a_new_map_of_what_fills_more_of_the_image_only_where_
 
 
 def moving(first_id: int, width: float, columns: int, count: int = 40) -> Moving:
-    """Points in so many of an image's 100 columns, in a scene of that width."""
+    """Points in the first `columns` of the 100 columns of an image, in a scene of `width`."""
     rng = np.random.default_rng(first_id)
     uv = rng.uniform((0, 0), (columns, 80), (count, 2)).astype(np.float32)
     return Moving(first_id + np.arange(count), uv, rng.uniform(0, width, (count, 3)))

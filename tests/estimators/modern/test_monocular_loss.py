@@ -17,7 +17,7 @@ WIDEST = 2e-3
 
 
 def world(spread: float) -> Map:
-    """Two key frames, whose last window's points were so many widths of its loss from where they were seen."""
+    """Two keyframes. `spread`: residuals of the points of the last window, in widths of its loss."""
     none = np.zeros(0, np.int64), np.zeros((0, 2))
     keys = tuple(TrackedFrame(i, *none, Pose(np.eye(3), np.array([i, 0.0, 0.0]))) for i in range(2))
     poses, lens = tuple(k.world_from_camera for k in keys if k.world_from_camera), np.array([3e-3, 1e-2])

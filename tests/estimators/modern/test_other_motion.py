@@ -82,7 +82,7 @@ def test_what_stands_still_after_all_is_not_even_asked_about() -> None:
 
 
 def ended(uv: np.ndarray, count: int, most: int = 500) -> OutlierTracks:
-    """Of tracks at (N, 2) so many end, as disagreeing but for the first, which is lost."""
+    """The first `count` of the tracks at `uv` (N, 2) end: the first one is lost, the others are outliers."""
     status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
     status[:count:2], status[1:count:2], status[0] = TrackStatus.EPIPOLAR, TrackStatus.REPROJECTION, TrackStatus.LOST
     live = LiveTracks(ids=np.arange(len(uv)), uv=uv)

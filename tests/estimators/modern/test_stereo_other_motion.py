@@ -35,8 +35,8 @@ SCENE, MOVED = 150, 50
 def told(
     noise_px: float, thing: Pose, astray: int = 0, deeper: float = 1.0, keys: int = 0
 ) -> tuple[tuple[Decision, ...], set[int]]:
-    """What a pair tells of points of which the last move as a thing does, some of them anyhow; and which. The map has
-    these at so many times their depth, from so many key frames."""
+    """Returns the decisions about a pair, and the points that move. The last points move as a thing does, `astray` of
+    them at random. The map has them at `deeper` times their depth, from `keys` keyframes."""
     rng, count = np.random.default_rng(0), SCENE + MOVED
     xyz = rng.uniform((-2, -1.5, 3), (2, 1.5, 8), (count, 3))
     now, before = LEFT.apply(np.concatenate([xyz[:SCENE], thing.apply(xyz[SCENE:])])), CAMERA.project(xyz)

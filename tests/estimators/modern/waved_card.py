@@ -49,7 +49,7 @@ def seen(camera_from_world: Pose, number: int, waved: bool) -> Image:
 
 
 def leaving(camera_from_world: Pose, moves: int, card: Image = LARGE) -> Image:
-    """The walls behind a card that fills most of the image and hung still until it began to move aside, so many moves
+    """The walls behind a card that fills most of the image. It hung still until it began to move aside, `moves` moves
     ago."""
     image = drawn(camera_from_world @ Pose(np.eye(3), np.array([0.0, 0.0, 7.0])), WALLS[0], 0.02, None)
     slanted = Pose.from_rotvec(np.array([0.8, 0.0, 0.0]), np.array([0.0, 2.0, 4.5]))

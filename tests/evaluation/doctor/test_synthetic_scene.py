@@ -29,7 +29,7 @@ RIG = simulated_rig(0.5)
 
 
 def scene(farther: float = 1.0) -> Scene:
-    """A flight of 3 m with bends, past points at distances of 4 to 40 m, or so many times farther."""
+    """A flight of 3 m with bends, past points at distances of 4 to 40 m, times `farther`."""
     rng = np.random.default_rng(0)
     times_s = np.linspace(0, 1.5, KNOTS)
     turns = np.radians(2.5) * np.sin(np.outer(times_s, [5.0, 3.0, 4.0]) + np.array([0.3, 1.1, 2.0]))

@@ -142,8 +142,8 @@ def test_observations_are_as_far_off_as_they_turn_out_to_be_whatever_their_weigh
 def held_out(seed: int, claimed: float = 1.0, walk_px: float = 0.0) -> float:
     """NEES of the last video frame, located by the points of a window that it is no part of, relative to a pair.
 
-    Weights `claim` video observations to be so many times as good as they are; from one to the next of a track, errors
-    walk by `walk_px`.
+    Weights claim that video observations are `claimed` times as good as they are. From one observation of a track to
+    the next, errors walk by `walk_px`.
     """
     flight = made_flight(0.7, 100)
     problem = problem_of(flight, noise_px=0.3, seed=seed)

@@ -46,8 +46,8 @@ def test_a_border_of_one_grouping_is_none_of_the_other() -> None:
 
 @pytest.mark.parametrize(("tracks", "loud", "alike"), [(20, 0, 1), (60, 0, 1), (60, 8, 1), (90, 0, 3)])
 def test_few_tracks_show_less_than_poses_are_off(tracks: int, loud: int, alike: int) -> None:
-    """The mean of the square of an error, by the covariance that so many others show: also where `loud` of them say
-    three times as much, and where each says the same as its neighbours."""
+    """The NEES of an error by the covariance that `tracks` others show: also where `loud` of them are three times as
+    large, and where `alike` neighbours have the same."""
     rng, nees = np.random.default_rng(1), list[float]()
     sizes = np.where(np.arange(tracks // alike) < loud, 3.0, 1.0)[:, None]
     for _ in range(2000):

@@ -9,16 +9,17 @@ from pkgutil import iter_modules
 from ..quantity import ChangeQuantity, StepQuantity
 
 FIRST = ("step", "motion")
-"""The files whose quantities come first, in the order of the columns of steps.csv; any other one can use them."""
+"""Files whose quantities come first, in the order of the columns of steps.csv. All other files can use these."""
 
 
 def step_quantities() -> tuple[StepQuantity, ...]:
-    """Those of a Step alone. ValueError if two quantities have one key."""
+    """Returns the quantities of a Step alone. ValueError if two quantities have the same key."""
     return tuple(quantity for quantity in _quantities() if isinstance(quantity, StepQuantity))
 
 
 def change_quantities() -> tuple[ChangeQuantity, ...]:
-    """Those of a step and the one before it, each after those that it uses. ValueError if two have one key."""
+    """Returns the quantities of a step and the step before, each after those that it uses. ValueError if two have the
+    same key."""
     return tuple(quantity for quantity in _quantities() if isinstance(quantity, ChangeQuantity))
 
 

@@ -12,12 +12,12 @@ POSITION, ORIENTATION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
 WAY = ("way_x", "way_y", "way_z")
 """Keys of the mean step as a vector: far shorter than `moved_usual` where a pose only trembles about its place."""
 USUAL_STEPS = 10.0
-"""Over about so many steps the usual one is an exponential mean."""
+"""The usual step is an exponential mean over about this number of steps."""
 
 
 def _same_moment(before: Values, now: Values) -> bool:
-    """Whether the step is at the time of the one before, as that of a pair after that of a video frame: what its pose
-    differs by is no motion."""
+    """Returns whether the step has the time of the step before, as a pair after a video frame of the same time. The
+    difference of their poses is no motion then."""
     return now.get("time_s") is not None and before.get("time_s") == now.get("time_s")
 
 

@@ -24,7 +24,7 @@ def _count(status: TrackStatus) -> Callable[[Step, float | None], Value]:
 
 
 def _sigma(step: Step, rows: slice) -> float | None:
-    """The root of the largest eigenvalue of a block of the covariance."""
+    """Returns the square root of the largest eigenvalue of a diagonal block of the covariance."""
     if step.world_from_frame is None or step.covariance is None or not np.isfinite(step.covariance).all():
         return None
     return math.sqrt(max(float(np.linalg.eigvalsh(step.covariance[rows, rows]).max()), 0.0))

@@ -1,4 +1,4 @@
-"""What becomes of a method's pose and map."""
+"""Events of a method's pose and map."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def detect_lost(moment: Moment) -> Alarm | bool | None:
 
 
 def _of_verdict(moment: Moment, sentence: str) -> Alarm:
-    """What the check that decided the verdict made happen."""
+    """Returns the alarm of the check that decided the verdict."""
     decisive = moment.verdict.decisive
     return Alarm(sentence, {}, "" if decisive is None else decisive.key)
 
@@ -38,7 +38,7 @@ LOST = EventKind(
 
 
 LONG = 50
-"""So many frames without a map are worth a look: two seconds of video."""
+"""Number of frames without a map from which on it is an event: two seconds of video."""
 
 
 def detect_no_map(moment: Moment) -> Alarm | bool | None:
@@ -62,7 +62,7 @@ NO_MAP = EventKind(
 
 
 def resumed(moment: Moment) -> bool:
-    """Whether a method that was making another map goes on in the one that it had."""
+    """Returns whether a method that was initialising a new map continues in its earlier map."""
     making = moment.before.get("status") == Status.INITIALISING and moment.tracked
     return making and not moment.now.get("restarted") and not moment.about("map")
 
@@ -70,7 +70,7 @@ def resumed(moment: Moment) -> bool:
 def detect_map(moment: Moment) -> str | bool | None:
     if resumed(moment):
         return False
-    if not moment.became(Status.TRACKING) or registered(moment.method).asks:  # those build on the maps of others
+    if not moment.became(Status.TRACKING) or registered(moment.method).asks:  # these use the maps of other methods
         return False
     if moment.before.get("status") != Status.INITIALISING and not moment.about("map"):
         return False
@@ -116,9 +116,9 @@ SEGMENT = EventKind(
 
 
 JUMP_RATIO = 5
-"""A step so many times as long as the usual one, and the one before it, is a jump,"""
+"""A jump is a step longer than this multiple of the usual step, and of the step before it."""
 JUMP_SIGMAS = 3
-"""if it is so many times its standard deviation, where that is known."""
+"""A jump is also longer than this many of its standard deviations, where they are known."""
 AT_REST = 0.35
 """The length of the mean step, relative to the mean length of steps, below which a pose trembles about its place: its
 usual step is noise, and the first step of a drive is many times as long. From 5 steps on a straight way gives more."""
@@ -140,7 +140,7 @@ def detect_jump(moment: Moment) -> str | bool | None:
 
 
 def _sigma(moment: Moment) -> float:
-    """Standard deviation of the step, as far as those of both poses are known."""
+    """Returns the standard deviation of the step, from those of both poses where they are known."""
     return math.hypot(*(_known(values, "sigma_position") for values in (moment.before, moment.now)))
 
 

@@ -8,7 +8,7 @@ const slider = part("slider");
 const ids = part("ids");
 const CLICK_PX = 12; // How near a click has to be to a track.
 const DRAG_PX = 4; // Less than that is a click.
-const WIDE = 2; // Images that are so many times as wide as high have the path below them.
+const WIDE = 2; // Ratio of width to height from which on the path is shown below an image.
 const LOOK = { quiet: 0.6, dot: 2.5, chosen: 5, mark: 6 }; // Radii and opacity.
 
 const frames = data.frames;

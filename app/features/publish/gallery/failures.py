@@ -106,8 +106,8 @@ FAILURES = (
 
 
 def failures_data(builder: Builder, most_bytes: float, failures: tuple[Failure, ...] = FAILURES) -> dict[str, bytes]:
-    """By name, the files of the runs, which take at most so many bytes. Says which it is at. InputError as
-    `ispom run`."""
+    """Returns the files of the runs by name, with at most `most_bytes` together. Prints which run is being made.
+    InputError as `ispom run`."""
     found, listed = dict[str, bytes](), list[dict[str, Any]]()
     with TemporaryDirectory() as place:
         runs = Runs(Path(place), (), builder)

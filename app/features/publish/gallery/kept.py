@@ -24,7 +24,7 @@ from ...lessons.lesson import RunRequest
 from ...lessons.ran import Ran
 
 MEMORY_BYTES = 20_000_000
-"""Of the frames of one run; older ones are read from the disk."""
+"""Most memory for the frames of one run; older frames are read from the disk."""
 
 
 class Kept(Seen):

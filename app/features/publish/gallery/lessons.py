@@ -34,7 +34,7 @@ from ..site import packed
 from .kept import KeptRun, Runs
 
 LEFT_OUT = frozenset({"address", "hidden"})
-"""Of what the page is told while a question is open: it makes these by itself."""
+"""Parts of the state that the page does not get while a question is open; it makes these by itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +80,8 @@ def lessons_named(named: Iterable[str]) -> list[Lesson]:
 
 
 def lessons_data(lessons: list[Lesson], builder: Builder, most_bytes: float) -> dict[str, bytes]:
-    """By name, the files of the lessons, which take at most so many bytes. Says which lesson it is at. InputError as
-    `ispom run`."""
+    """Returns the files of the lessons by name, with at most `most_bytes` together. Prints which lesson is being made.
+    InputError as `ispom run`."""
     listed = [_listed(lesson) for lesson in lessons]
     found = {"site.bin": packed({"first": f"{lessons[0].name}-1", "listed": listed})}
     with TemporaryDirectory() as place:
@@ -108,8 +108,8 @@ def _require(lesson: Lesson, runs: Runs) -> None:
 
 
 def lesson_files(lesson: Lesson, runs: Runs, image_bytes: float) -> Iterator[tuple[str, bytes]]:
-    """By name: what is to be written of a lesson; each of its runs takes at most so many bytes for each of its images,
-    with all that is said of it."""
+    """Yields the names and contents of the files of a lesson. The files of each run take at most `image_bytes` for each
+    of its images, including all that is said of it."""
     steps: dict[int, dict[str, Any]] = {}
     for number, part in enumerate(parts_of(lesson), 1):
         name = f"{lesson.name}-{number}"

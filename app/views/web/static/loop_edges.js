@@ -7,7 +7,7 @@ const EDGES = [
 ];
 const STEPS = { ArrowLeft: -1, ArrowRight: 1 };
 
-// The loop [first, last] when what is dragged ("start", "end" or "both") has gone by so many frames, of `count`.
+// The loop [first, last] of a run with `count` frames after `part` ("start", "end" or "both") is dragged `by` frames.
 export function moved([first, last], part, by, count) {
   const within = (frame, least, most) => Math.min(Math.max(frame, least), most);
   if (part === "start") return [within(first + by, 0, last - 1), last];

@@ -6,7 +6,7 @@ import { digits, shownUnit } from "./units.js";
 const LEAST_HEIGHT = 46;
 const LINE = 14; // of a value
 const EDGE = 5; // free above and below the curves
-const FAR = 8; // a threshold that would make the plot higher than so many times the largest value is not drawn
+const FAR = 8; // A threshold above this multiple of the largest value is not drawn: the curves would be flat.
 
 export function makePlots(box, command) {
   const curves = new Map(); // by id: { frames, values }, only ever appended to

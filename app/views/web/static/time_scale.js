@@ -22,7 +22,7 @@ export function nearestFrame(times, width, x) {
   return low > 0 && time - times[low - 1] < times[low] - time ? low - 1 : low;
 }
 
-// Frames to label: multiples of 1, 2 or 5 times a power of ten, at most so many.
+// Frames to label: multiples of 1, 2 or 5 times a power of ten; at most `most`.
 export function labelledFrames(count, most) {
   const least = Math.max(count / Math.max(most, 1), 1);
   const power = 10 ** Math.floor(Math.log10(least));

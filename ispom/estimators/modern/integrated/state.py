@@ -47,8 +47,8 @@ class ModernIntegratedState:
     begun_ns: PersistentList[int] = PersistentList()
     """Times of the pairs at which new segments began."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
-    """Time, world_from_rig in the window's own world, and whether of the video, of all frames that have left the
-    window."""
+    """All frames that have left the window: time, world_from_rig in the window's own world, and whether the frame is
+    one of the video camera."""
 
 
 def start_new_segment(state: ModernIntegratedState, time_ns: int) -> ModernIntegratedState:

@@ -1,4 +1,4 @@
-"""Loops that a person asks to refuse or to accept, to see what would come of it."""
+"""Loops that a person refuses or accepts by hand, to see the effect."""
 
 from __future__ import annotations
 

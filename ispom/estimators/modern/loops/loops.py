@@ -121,7 +121,7 @@ def seen_again(
     loops: Loops, camera: LoopCamera, key: KeyFrameSeen | None, poses: int, asked: Asked = NOTHING_ASKED
 ) -> tuple[Loops, tuple[Decision, ...]]:
     """Updates the loops after a frame; `key` is its keyframe, if it is one, and `poses` the number of poses so far.
-    Loops that are `asked` for are decided so."""
+    Loops in `asked` are decided as a person requested."""
     drift, loops = PAIR_DRIFT if camera.baseline else SINGLE_DRIFT, replace(loops, joins=None)
     if key is not None:
         loops = _with_key(loops, camera, key, drift, asked)

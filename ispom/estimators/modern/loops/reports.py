@@ -14,7 +14,7 @@ from ispom.types import Decision
 
 
 def loop_trial(camera: LoopCamera, first_ns: int, then_ns: int) -> AbstractContextManager[None]:
-    """What is reported in this context is about this candidate of a loop."""
+    """Returns a context in which reports are about this candidate of a loop."""
     return trial("loop", "left" if camera.baseline else "video", first_ns, then_ns)
 
 
@@ -34,7 +34,7 @@ def report_candidates(camera: LoopCamera, nodes: tuple[Node, ...], node: Node, d
 
 
 def report_not_compared(camera: LoopCamera, waiting: tuple[int, ...], then_ns: int, compared: int) -> None:
-    """Reports the candidates that are dropped after so many were compared."""
+    """Reports the candidates that are discarded without a comparison, after `compared` others were compared."""
     for i, first_ns in enumerate(waiting):
         with loop_trial(camera, first_ns, then_ns):
             judged(False, trials.TURN, compared + 1 + i, compared)

@@ -74,7 +74,7 @@ class ModernMonocularConfig:
     min_parallax_deg: Annotated[float, Range(0.05, 20), WorthTrying((0.5,))] = 2.5
     """Median parallax since the last keyframe, without rotation, that triggers the next one [deg]."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.3
-    """A keyframe is taken before a smaller share of the last one's points is left."""
+    """Least share of the last keyframe's points that must be left; a new keyframe is taken before."""
     max_view_angle_deg: Annotated[float, Range(1, 90), WorthTrying((0.5,))] = 10.0
     """Rotation since the last keyframe that triggers the next one [deg]."""
     max_interval_s: Annotated[float, Range(0.05, 60)] = 1.0
@@ -96,10 +96,10 @@ class ModernMonocularConfig:
     loops: bool = False
     """Close loops: recognise places after a long path, and correct all poses; if off: plain odometry."""
     refuse_loops: str = ""
-    """Refuse these loops, and joins of segments, to see what would come of it: EARLIER-LATER, times of keyframes in
-    nanoseconds, as `ispom loops` prints them; several with commas."""
+    """Refuse these loops, and joins of segments, to see the effect: EARLIER-LATER, times of keyframes in nanoseconds,
+    as `ispom loops` prints them; several are separated by commas."""
     accept_loops: str = ""
-    """Accept these, whatever other rules say. Decisions then say that it was asked for."""
+    """Accept these loops, whatever other rules say. Decisions then state that the user accepted them."""
     follow: Follow = "static"
     """Which of two rigid motions to follow: that of the first map, mostly the static scene, or, in a new map, the one
     that covers more of the image."""

@@ -1,7 +1,7 @@
 """Joins segments: recognises at keyframes what earlier segments saw, measures the similarity of both worlds from the
 common points, and reports the poses of the segment in the earlier world once two keyframes agree.
 
-The estimator goes on in the world of its segment; only what it reports is moved.
+The estimator continues in the world of its segment; only the poses that it reports are transformed.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ from ispom.types import Decision, Step, Trajectory
 VIEWS = 2
 """Number of keyframes that must agree: each has many points, and they differ in what they see."""
 EVERY = 4
-"""Where so many keyframes matched no earlier one, only one in so many is compared: describing one takes as long as
-tracking ten frames, and a place stays in sight for several."""
+"""After this number of keyframes that matched no earlier one, only every EVERY-th keyframe is compared: describing one
+takes as long as tracking ten frames, and a place stays in view for several keyframes."""
 KEPT = 12
 """Number of the last measured similarities that are compared."""
 AGREEING_DEPTHS, AGREEING_RAD = 0.1, float(np.radians(2.0))
@@ -130,7 +130,7 @@ def _look_back(
 
 
 def _report(keyframes: Iterable[Recognised], decisions: tuple[Decision, ...], joined: bool) -> None:
-    """Reports what was decided about keyframes that show an earlier segment, to whoever collects trials."""
+    """Reports the decisions about keyframes that show an earlier segment, if trials are collected."""
     for each in keyframes:
         with trial("join", "video", *each.pair):
             for decision in decisions:

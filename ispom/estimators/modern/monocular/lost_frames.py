@@ -1,4 +1,4 @@
-"""Tries frames again that were lost when they came: keyframes that were added since may show what they show."""
+"""Tries to localise lost frames again, because keyframes that were added since may show the same points."""
 
 from __future__ import annotations
 

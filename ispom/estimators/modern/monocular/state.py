@@ -39,7 +39,7 @@ class Start:
     base: Pose = Pose()
     depth: float | None = None
     """Median depth of the scene before the loss, which the new map gets, too: its unit is free, and with the same depth
-    it can be shown beside the old one. None without a map before: the first baseline is then the unit."""
+    both maps can be shown together. None without a map before: the first baseline is the unit then."""
     points: ScenePoints = ScenePoints()
     """Points of the map before the loss: surviving tracks transfer the scale."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
@@ -157,7 +157,7 @@ class LostFrame:
 
 @dataclass(frozen=True, eq=False)
 class BeforeMap:
-    """What a map replaced or added to, so that it can be taken back."""
+    """The state before a map replaced it or was added to it, so that the map can be discarded."""
 
     start: Start
     settled: PersistentList[tuple[int, Pose]]
@@ -206,7 +206,7 @@ class ModernMonocularState:
     before_map: BeforeMap | None = None
     """While the map is young and may be taken back."""
     lost_frames: tuple[LostFrame, ...] = ()
-    """To be tried again at later keyframes, the last ones first."""
+    """Lost frames that are tried again at later keyframes, the last ones first."""
 
     def without_tracks(self, ids: NDArray[np.int64]) -> ModernMonocularState:
         """Returns the state without these tracks (M,), see estimator.LeavesOut."""
@@ -254,4 +254,4 @@ class Outcome:
     """(N,) which tracks were aligned with the patch of their origin; None without a map, when origins do not change."""
     outlier_tracks: OutlierTracks = OutlierTracks()
     other_motion: Tracks | None = None
-    """Those of the outlier tracks that one other motion explains; None if no motion was searched."""
+    """The outlier tracks that one other motion explains; None if no motion was searched."""

@@ -24,7 +24,7 @@ class Visit:
 
 @dataclass(frozen=True, eq=False)
 class Recognised:
-    """A keyframe that shows what an earlier segment saw."""
+    """A keyframe that observes points of an earlier segment."""
 
     segment: int
     earlier: int
@@ -58,7 +58,7 @@ class Recognised:
 class Worlds:
     visits: tuple[Visit, ...] = ()
     joined: tuple[Recognised, ...] = ()
-    """By which keyframe each joined segment was joined with an earlier one."""
+    """For each joined segment, the keyframe by which it was joined with an earlier one."""
     recognised: tuple[Recognised, ...] = ()
     """Keyframes of the current segment that show an earlier one; not enough of them agree yet."""
     unlike: int = 0
@@ -94,12 +94,13 @@ class Worlds:
 
     @cached_property
     def correction(self) -> Correction:
-        """From the world of each pose to that of its root."""
+        """Returns the correction from the world of each pose to the world of its root."""
         times = np.array([v.time_ns for v in self.visits], np.int64)
         values = tuple(self.root_from(v.segment) for v in self.visits)
         return Correction(times, values, (False,) * len(values))
 
     def next_pending(self, most: int) -> tuple[Worlds, range]:
-        """Returns the worlds with less left to revise, and the indices of the poses to revise now, the newest ones."""
+        """Returns the worlds with fewer pending poses, and the indices of the newest pending poses, to be revised
+        now."""
         start = max(self.pending.start, self.pending.stop - most)
         return replace(self, pending=range(self.pending.start, start)), range(start, self.pending.stop)

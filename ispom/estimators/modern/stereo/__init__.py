@@ -3,6 +3,6 @@
 `predict`, `track` (left image), `localise` (match the right image, estimate the pose), `recover`, `other_motion`,
 `keyframe`, `map` (with `window`, or `rolling_window`), `report`, `loop`. `pair` and `state` hold the data.
 
-Constants have their reason beside them; `tests/accuracy/constants.md` has what half and twice the value do to the error
-(`python -m tests.accuracy.constants` measures it again).
+Constants have their reason in their docstring. `tests/accuracy/constants.md` states the effect of half and twice the
+value on the error (`python -m tests.accuracy.constants` measures it again).
 """

@@ -55,13 +55,13 @@ class ModernStereoConfig:
     loops: bool = False
     """Close loops: recognise earlier keyframes, and distribute the drift over all poses. Off: plain odometry."""
     refuse_loops: str = ""
-    """Refuse these loops, to see what would come of it: EARLIER-LATER, times of keyframes in nanoseconds, as
-    `ispom loops` prints them; several with commas."""
+    """Refuse these loops, to see the effect: EARLIER-LATER, times of keyframes in nanoseconds, as `ispom loops` prints
+    them; several are separated by commas."""
     accept_loops: str = ""
-    """Accept these, whatever other rules say. Decisions then say that it was asked for."""
+    """Accept these loops, whatever other rules say. Decisions then state that the user accepted them."""
     follow: Follow = "static"
-    """Which of two rigid motions to follow: the static scene (observed longer, and larger), or what fills more of the
-    image."""
+    """Which of two rigid motions to follow: the static scene (observed longer, and larger), or the object that fills
+    more of the image."""
     self_calibration: bool = True
     """Self-calibrate the pair: radial distortion of both cameras; orientation, focal length, principal point,
     distortion and time offset of the right camera. The next settings are prior standard deviations; pair_sigma in the

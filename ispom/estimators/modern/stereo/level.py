@@ -1,9 +1,9 @@
-"""How far the right image is off its rows: measured by features, corrected by resampling the image, and judged from
-pair to pair.
+"""Levels the right image: measures by features how far its rows are from those of the left image, corrects that by
+resampling, and judges it from pair to pair.
 
 The search along rows finds nothing where the right image is some rows too low, or turned. Features are matched at any
-row. What they show of the right camera's offset and rotation is removed from its image, and the rest is left to the
-self-calibration. If it changes from pair to pair, no rig does that: the two images are of different moments.
+row. The offset and rotation of the right camera that they show are removed from its image; the self-calibration
+estimates the rest. If they change from pair to pair, the two images are of different times, as no rig changes so.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ lens may stay covered, and measuring takes as long as a frame."""
 
 @dataclass(frozen=True, eq=False)
 class RowOffsets:
-    """Where N features of a pair are, and how much lower they are in the right image."""
+    """Positions of N features in both images of a pair."""
 
     left: Array
     """(N, 2) in the left image, normalised."""
@@ -113,7 +113,7 @@ def _in_pixels(camera: Camera, px: float, found: Matches, good: NDArray[np.bool_
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the features of a pair show of its level, beyond the corrections that are known."""
+    """Corrections of the level that the features of a pair show, in addition to the known ones."""
 
     terms: Array
     """(E,) significant further corrections among LEVELLED, see right_camera.TERMS; 0 elsewhere."""
@@ -125,7 +125,7 @@ class Measured:
 
     @staticmethod
     def of(setup: Setup, offsets: RowOffsets, known: Array) -> Measured:
-        """Fits what is to be added to the corrections `known` (E,). What is not significant gets its usual prior."""
+        """Fits the changes of the corrections `known` (E,). Changes that are not significant get their usual prior."""
         fit, wide = _Fit(np.zeros(PAIR), np.zeros(PAIR)), list(LEVELLED)
         while True:
             prior = setup.extra_sigma.copy()
@@ -173,7 +173,7 @@ class _Fit(NamedTuple):
 
 
 def _fitted(offsets: RowOffsets, known: Array, prior: Array, start: Array, scale: float) -> _Fit:
-    """Fits what is to be added to the corrections `known` (E,).
+    """Fits the changes of the corrections `known` (E,).
 
     `prior` (E,): its standard deviations without these offsets. `start` (E,): an estimate of it, for ideal positions.
     `scale`: that of the robust loss.
@@ -199,7 +199,7 @@ def measured(setup: Setup, images: StereoImages, known: Array) -> Measured | Non
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """What the pairs so far show of the level of the right images."""
+    """The level of the right images, by the pairs so far."""
 
     terms: Array = field(default_factory=lambda: np.zeros(PAIR))
     """(E,) corrections of the right camera that are removed from its images, see right_camera.TERMS."""
@@ -208,7 +208,7 @@ class Level:
     known: bool = False
     """Whether any pair was judged."""
     other: Array | None = None
-    """(E,) what the last pair showed, if it did not agree."""
+    """(E,) corrections of the last pair, if it did not agree."""
     others: int = 0
     """Number of pairs in a row that agree with `other`."""
     changes: int = 0

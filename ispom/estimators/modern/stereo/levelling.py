@@ -49,7 +49,8 @@ def on_level_pair(
 
 
 def _measured(setup: Setup, state: ModernStereoState, images: StereoImages) -> Measured | None:
-    """Returns what the features of a pair show; None without light on either side, or if it is not due."""
+    """Returns the corrections that the features of a pair show; None if either image has no contrast, or if it is not
+    due."""
     light = has_contrast(images.left, state.last.left) and has_contrast(images.right, images.left)
     return measured(setup, images, state.map.extra) if state.level.is_due and light else None
 

@@ -10,4 +10,4 @@ from .times import TIMES
 from .tracks import TRACKS
 
 SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES, *TRACKS, *SENSORS, *CALIBRATION)
-"""In the order in which they are examined: the quick ones first."""
+"""All suspects in the order in which they are examined: the quick ones first."""

@@ -1,9 +1,9 @@
 """Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks judge them.
 
-A number is a cause where held-out tracks are better with it, its interval excludes zero, and it is plausible. Its
-interval is as wide as by the normal equations (each track as one measurement), as two halves of the tracks differ, and
-as the number moves where the others of its group are free, too: a lens that fits badly in a corner is explained by many
-numbers, and none of them is then known.
+A number is a cause if held-out tracks fit better with it, its interval excludes zero, and it is plausible. The interval
+includes the uncertainty by the normal equations (each track as one measurement), the difference of two halves of the
+tracks, and the change of the number if the others of its group are free, too. For example, many numbers can explain a
+lens that fits badly in a corner; then none of them is determined.
 """
 
 from __future__ import annotations
@@ -19,24 +19,26 @@ from ..finding import Finding, Suspect
 from ..groups import group_of, has
 
 GAIN = 0.05
-"""Share of the cost of the held-out tracks that a cause explains at least; healthy recordings reach three quarters of
-it, with changes too small to matter."""
+"""Least share of the cost of the held-out tracks that a cause explains. Healthy recordings reach three quarters of it,
+with changes too small to matter."""
 BASELINE_GAIN = 0.025
-"""The same for the baseline: it shows only by the video camera's distance from the pair, in a few near tracks."""
+"""The same for the baseline, which shows only in a few near tracks, by the video camera's distance from the pair."""
 SURE = 2.5
-"""Mean improvement of a held-out track over its standard error, and a number over its standard deviation, at least."""
+"""Least mean improvement of a held-out track, in standard errors, and least change of a number, in standard
+deviations."""
 PROMISE = 0.015
 """A change that promises less by the linearisation is not tested."""
 BASELINE_PROMISE = 0.004
-"""The same for the baseline: with it all depths change, which one linearised step hardly does. Healthy recordings
-promise half of it."""
+"""The same for the baseline: it changes all depths, which one linearised step hardly does. Healthy recordings promise
+half of it."""
 PARSIMONY = 0.01
-"""Of causes that explain the same, one with fewer numbers is preferred: each further number costs this share."""
+"""Share of the cost that each further number must explain: of causes that explain the same, one with fewer numbers is
+preferred."""
 MAJORITY = 4.0
-"""How many more tracks are better than are worse, over the standard error, at least: 8 and more for simulated faults, 1
-by chance."""
+"""Least number of tracks that fit better minus those that fit worse, in standard errors: 8 and more for simulated
+faults, 1 by chance."""
 LEAST_TRACKS = 50
-"""With fewer held-out tracks there is no finding."""
+"""Least number of held-out tracks for a finding."""
 WEAK = 0.9
 """Most that the strength is where something speaks against the cause."""
 
@@ -87,7 +89,7 @@ NUMBERS: Mapping[str, Number] = {
 
 @dataclass(frozen=True)
 class Limits:
-    """From which on a change counts."""
+    """Sizes from which on a change counts."""
 
     gain: float = GAIN
     promise: float = PROMISE
@@ -145,8 +147,8 @@ def _honest(alone: Figure, with_others: Figure, least: float) -> Figure:
 
 
 def _doubts(figures: Mapping[str, Figure], group: Mapping[str, Figure], least: Mapping[str, float]) -> tuple[str, str]:
-    """Returns what speaks against the numbers as a cause, and, where nothing does but they are not known, what would
-    decide it; both empty where they are a cause."""
+    """Returns the evidence against the numbers as a cause. If there is none, but they are not determined, the second
+    text says what would decide it. Both are empty if the numbers are a cause."""
     if any(abs(figure.value) > NUMBERS[name].most for name, figure in figures.items()):
         return "so large a change is not plausible", ""
     large = {name: figures[name] for name, limit in least.items() if abs(figures[name].value) >= limit}

@@ -1,11 +1,10 @@
-"""Something that covers a part of the lens: a part of the image that is dark and uniform all the time, although the
-scene is not.
+"""A cover on the lens: a part of the image that is always dark and uniform, although the scene is not.
 
-The sky of the moon, a night and a dark room are dark and uniform, too, and in a drive their border stays where it is.
-So darkness alone says nothing. Another camera of the rig that sees light in the same directions shows that something is
-in the way; one that sees darkness, too, that nothing is. A single camera shows it by corners that move into the dark
-part and end at its border, and by a border that stays an edge while the scene passes across it: the border of a sky or
-a wall moves along with the scene.
+The sky of the moon, a night and a dark room are dark and uniform, too, and in a drive their border does not move. So
+darkness alone proves nothing. If another camera of the rig sees light in the same directions, there is a cover; if it
+sees darkness, too, there is none. In a single camera two things show a cover. Corners move into the dark part and end
+at its border, and the border stays an edge while the scene passes across it. The border of a sky or a wall moves along
+with the scene.
 """
 
 from __future__ import annotations
@@ -28,20 +27,20 @@ BLOCK_PX = 20
 COVERED_LEVELS, COVERED_STD = 45.0, 4.0
 """Grey level and its standard deviation in a block of an image, of something dark before the lens."""
 COVERED_SHARE = 0.12
-"""Of the image's area, in half of the frames or more."""
+"""Least share of the image's area that is covered, in half of the frames or more."""
 ALWAYS = 0.9
 """Share of the frames in which a block is dark, so that it is so all the time."""
 LEAST_BLOCKS = 4
-"""Of the dark part, that another camera sees."""
+"""Least number of blocks of the dark part that another camera sees."""
 INTO_PX = 0.3
-"""A corner moves into the dark part by so much from frame to frame: more than the noise of three steps."""
+"""Least motion from frame to frame of a corner that moves into the dark part: more than the noise of three steps."""
 STEPS = 3
 ENDS = 5
 """Corners that end in this way; none at the sky of a simulated moon (seeds 0 to 3), 25 and more at a cover where the
 scene passes it."""
 BORDER_PASSED, BORDER_STAYS = 0.5, 0.4
-"""Shares of the border of the dark part that the scene passes, so that it tells anything, and of which the edge stays:
-0.49 and more at covers on simulations and recordings, 0 at the sky of a simulated moon."""
+"""Least share of the border of the dark part across which the scene must move for a test, and least share of it that
+stays an edge: 0.49 and more at covers on simulations and recordings, 0 at the sky of a simulated moon."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +49,7 @@ class Dark:
 
     camera: str
     share: float
-    """Of the image that is dark all the time, or nearly the whole image in half of the frames."""
+    """Share of the image that is always dark; or nearly the whole image, if it is dark in half of the frames."""
     always: NDArray[np.bool_]
     """(R, C) blocks."""
     shot: Shot
@@ -66,8 +65,8 @@ def blocks(image: Image) -> tuple[Array, Array]:
 
 
 def covered(seen: Examination) -> Finding | None:
-    """Measures the area of a camera's images that is dark and uniform all the time, while others are bright, and asks
-    the other cameras and the tracks whether the scene is dark there. None where they cannot tell."""
+    """Measures the area of a camera's images that is always dark and uniform while others are bright, and tests by the
+    other cameras and the tracks whether the scene is dark there. None where they cannot decide it."""
     bright = max((float(np.percentile(i, 90)) for s in seen.shots for i in s.images.values()), default=0.0)
     parts = [] if bright < 2 * COVERED_LEVELS else [dark for name in seen.rig.cameras if (dark := _dark(seen, name))]
     if not parts:

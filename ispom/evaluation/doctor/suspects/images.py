@@ -31,7 +31,7 @@ HAZE_RATIO = 0.5 ** (1 / 2.2)
 """Grey level of the darkest places over that of the brightest ones, from which on an image is hazy: the places differ
 by a factor of two in light, at the usual gamma of 2.2. Light and shadow on a single material differ by more."""
 HAZE_SHARE = 0.01
-"""Of an image's pixels: the darkest and the brightest places."""
+"""Share of an image's pixels that are its darkest, and its brightest, places."""
 HAZE_LASTS = 0.9
 """Share of the images that are hazy, so that it is no even place which the camera passes."""
 SENSOR_NOISE_PX = 1.5
@@ -44,7 +44,7 @@ GAIN = 1.12
 AROUND_PX = 15
 """Side of the surroundings of a corner whose brightness is compared: those by which it is followed."""
 LEAST_CORNERS = 20
-"""Followed from a frame to the next, so that they tell the gain."""
+"""Least number of corners that are followed from a frame to the next, for a measurement of the gain."""
 FOLLOWED = 0.5
 """Share of the corners that are followed, so that these are no chance: fewer say nothing, as at a low frame rate."""
 GAIN_JUMPS = 1
@@ -128,8 +128,8 @@ def blur(seen: Examination) -> Finding | None:
 
 def haze(seen: Examination) -> Finding | None:
     """Compares the darkest with the brightest places of a camera's images. Haze before a lens or on it adds light
-    everywhere, so nothing is dark, and what is left of the edges stays sharp. None where there are no sharp edges: of a
-    bare wall, or of blurred images, it cannot be known."""
+    everywhere: nothing is dark, and edges have less contrast, but stay sharp. None where there are no sharp edges, as
+    on a bare wall or in blurred images."""
     found: list[tuple[float, str, int]] = []
     for name in seen.rig.cameras:
         own = [shot for shot in seen.shots if name in shot.images]
@@ -182,8 +182,8 @@ def exposure_jumps(seen: Examination) -> Finding | None:
     """Counts changes of the gain: the median ratio of the brightness around corners that are followed from a frame of
     the main camera to the next. Blocks at the same place of the image would show other parts of the scene.
 
-    A gain changes all of them alike. Where a quarter changes by less than half of it, it is not one. None where too few
-    corners are followed from any frame to the next.
+    A gain changes all of them by the same ratio. If a quarter changes by less than half of it, it is no gain. None
+    where too few corners are followed from any frame to the next.
     """
     uv, shots = seen.tracked.uv, seen.main_shots
     around = [cv2.blur(shot.images[seen.main], (AROUND_PX, AROUND_PX)).astype(np.float32) for shot in shots]

@@ -1,10 +1,10 @@
-"""Something on the lens: edges that stay where they are while the scene passes, and corners that are lost there.
+"""Drops or dirt on the lens: edges that do not move with the scene, and corners that are lost there.
 
 An edge of the scene moves along with it: over the images, all places nearby have about as many of them. At the border
 of a drop there is always one, of changing sign, as the drop shows other parts of the scene. Edges along the motion,
-such as those of a lane, stay as well, so only the slope along the motion counts. Staying edges alone say little, as
-some of them belong to what moves along with the camera. At something on the lens, corners are lost more often than
-right beside it, and than elsewhere.
+such as those of a lane, stay as well, so only the slope along the motion counts. Staying edges alone prove little, as
+some belong to objects that move along with the camera. At a drop, corners are lost more often than next to it, and than
+elsewhere.
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from ..tracking import evened
 from .smear import island, smear
 
 BORDER = 0.08
-"""Of the image's size: corners leave the image there."""
+"""Width of the border, relative to the image's size, that is not examined, because corners leave the image there."""
 CELL = 0.05
 """Side of a cell in which the motion of the scene is one, relative to the image's width."""
 LEAST_STEPS = 8
-"""Motions of corners that tell the motion of a cell."""
+"""Least number of motions of corners from which the motion of a cell is known."""
 LEAST_PASSAGE = 0.06
-"""The scene passes where it moves by so much of the image's width, further than the size of a drop."""
+"""Least motion of the scene, relative to the image's width, with which it passes a cell: more than the size of a
+drop."""
 STAYS = 0.6
 """Mean logarithm of the slope along the motion, more than around it, from which on an edge stays: a factor of 1.8. Of a
 scene that passes, this mean scatters less: at most 0.1 % of the image is above it in simulations and in KITTI 06."""
@@ -37,13 +38,13 @@ REACH = 0.012
 """Corners are lost at an edge within this, relative to the image's width: half of their window at
 640 px."""
 BESIDE = 3
-"""Corners beside an edge are within so many times that reach."""
+"""Multiple of REACH within which corners are next to an edge."""
 MORE_OFTEN = 1.5
-"""Corners are lost at edges that stay more often than beside them and elsewhere by this factor, or nothing is there:
-1.8 to 3.9 at drops; up to 0.8 without."""
+"""Least ratio of the rate of lost corners at staying edges to that next to them, and elsewhere: 1.8 to 3.9 at drops; up
+to 0.8 without."""
 LOST_AT_EDGES = 0.0025
-"""Of the corners of a frame, lost at fixed edges. Simulated drops: 0.005 and more; clean lenses: up to 0.0027, with
-fewer lost than elsewhere."""
+"""Least share of the corners of a frame that is lost at fixed edges. Simulated drops: 0.005 and more; clean lenses: up
+to 0.0027, with fewer lost than elsewhere."""
 STRONGEST = 3.0
 """A lens that is covered has fixed edges, too, and is found by its own rule with more."""
 
@@ -55,7 +56,7 @@ def on_lens(seen: Examination) -> Finding | None:
 
 
 def drops(seen: Examination) -> Finding | None:
-    """Compares how often corners are lost where edges stay in place with how often beside them and elsewhere, away
+    """Compares the rate of lost corners at edges that stay in place with the rates next to them and elsewhere, away
     from the image's border."""
     camera, uv = seen.rig.camera(seen.main), seen.tracked.uv
     fixed, passed = fixed_edges(seen)

@@ -1,9 +1,9 @@
-"""A pair that is not level: its images do not show a point at the height where the calibration puts it.
+"""A pair that is not level: its images do not show a point at the height that the calibration predicts.
 
-Each match of the left and the right image tells its distance from the epipolar line. That needs no scene and no
-parallax, so it speaks for single pairs, too. A right image that is shifted is off by the same everywhere; a right
-camera that is turned is off by more at the top and bottom of a wide image (pitch), or at its sides (roll); a right
-image that is late, or a camera at another height, is off by more for near points.
+Each match of the left and the right image has a distance from its epipolar line. This needs no scene and no parallax,
+so it works for single pairs, too. For a shifted right image the distance is the same everywhere. For a turned right
+camera it is larger at the top and bottom of a wide image (pitch), or at its sides (roll). For a late right image, or a
+camera at another height, it is larger for near points.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ SURE = 5.0
 """The offset over its standard error, at least."""
 LEAST_POINTS = 30
 MOST_SPREAD_PX = 1.5
-"""Where the matches scatter by more, they are false, or the calibration is wrong in other ways: nothing is said."""
+"""Largest scatter of the matches for a finding: with more they are false, or the calibration has other errors."""
 CLIP, ROUNDS = 4.0, 3
-"""Matches that are off by so many standard deviations are left out, in so many rounds."""
+"""Residual of a match, in standard deviations, from which on it is discarded; number of rounds that discard matches."""
 PREFERRED = 9.0
 """Twice the difference of the logarithms of the likelihoods from which on a model is preferred: 3 sigma."""
 
 
 def unlevel(seen: Examination) -> Finding | None:
-    """Measures how far, up or down, the right image is off. None where the matches cannot tell."""
+    """Measures the vertical displacement of the right image. None where the matches do not determine it."""
     if (measured := offsets(seen)) is None:
         return None
     off, ray, disparity, point, pair = measured
@@ -73,7 +73,7 @@ def unlevel(seen: Examination) -> Finding | None:
     if turned:
         angles = " and ".join(f"{degrees[k]:+.2f} degrees of {k.removesuffix('_deg')}" for k in degrees)
         text += f", as of a right camera with {angles}"
-        if seen.baseline is not None:  # tracks tell all three angles of it: another suspect
+        if seen.baseline is not None:  # tracks determine all three of its angles: this is another suspect
             strength = min(strength, 0.9)
     else:
         text += ", everywhere by the same"
@@ -105,7 +105,7 @@ def offsets(seen: Examination) -> tuple[Array, Array, Array, NDArray[np.int64], 
 
 
 def _fitted(model: Array, off: Array, kept: NDArray[np.bool_]) -> Array:
-    """Returns what a model (N, M), fitted to the kept offsets, leaves of all of them (N,)."""
+    """Returns the residuals (N,) of all offsets after a fit of a linear model (N, M) to the kept ones."""
     return off - model @ np.linalg.lstsq(model[kept], off[kept])[0]
 
 

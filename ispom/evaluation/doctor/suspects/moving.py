@@ -1,9 +1,9 @@
 """Moving objects: groups of tracks that no point at rest explains, while most tracks are explained.
 
-Two tests, of which the stronger one counts. Points of the rigid scene show depth and motion together, such as a vehicle
-that drives along the road. But the scene is fitted to all tracks, and a large object bends it. Two views are explained
-by most of their tracks, whatever the others do: what moves is off the epipolar lines. Where the camera does not change
-its place, a rotation explains what is at rest.
+There are two tests, and the stronger one counts. The first uses the rigid scene, which shows depth and motion together,
+such as a vehicle that drives along the road. But the scene is fitted to all tracks, and a large object bends it. The
+second uses the relative pose of two views, which most tracks determine, whatever the others do: moving points are not
+on their epipolar lines. If the camera does not change its position, a rotation replaces the relative pose.
 """
 
 from __future__ import annotations
@@ -28,18 +28,17 @@ LEAST_TRACKS = 30
 MOVING_PX = 2.0
 """Median error of a track that no point of the scene explains."""
 VIEWS_PX = (MOVING_PX, 2 * MOVING_PX)
-"""The same for two views: more where the camera moves fast, and most tracks fit less well."""
+"""The same for two views; the larger one is for a fast camera, where most tracks fit less well."""
 RIGID = 0.5
-"""Three quarters of the other tracks have an error below this part of the limit, so that those that move are an
-exception: where the scene itself fits badly, as with a rolling shutter in a fast turn, groups of tracks are off,
-too."""
+"""Three quarters of the other tracks must have an error below this part of the limit. Where the scene itself fits
+badly, as with a rolling shutter in a fast turn, groups of tracks have large errors, too."""
 MOVING_SHARE = 0.03
-"""Of the tracks, in such groups: 4 to 8 % with traffic in a simulated street, 0 % without (seeds 0 to 3)."""
+"""Least share of the tracks in such groups: 4 to 8 % with traffic in a simulated street, 0 % without (seeds 0 to 3)."""
 OF_THE_LENS = 0.3
-"""Share of these tracks that a changed lens explains as points at rest, from which on it is not known what they are:
-in a simulated street with traffic it explains none (seeds 0 to 2)."""
+"""Share of these tracks that a changed lens explains as static points, from which on they may be static: in a simulated
+street with traffic it explains none (seeds 0 to 2)."""
 MOST_SHARE = 0.6
-"""More is no object before a scene."""
+"""Largest share of tracks on moving objects; a larger one is not an object before a scene."""
 LENSES = {
     "video": (("k1",), ("video_focal_percent",), ("video_centre_x_px", "video_centre_y_px"), ("aspect_percent",)),
     "left": (("k1",), ("pair_focal_percent",), ("pair_centre_x_px", "pair_centre_y_px"), ("aspect_percent",)),
@@ -48,20 +47,21 @@ LENSES = {
 NEAR = 0.06
 """Radius of a group, relative to the image's width."""
 PARTS = (4, 6, 9)
-"""Two views are such a part of the stretch apart: far enough for a motion, near enough for the same tracks in both."""
+"""The interval between two views is the length of the stretch divided by each of these numbers: long enough for a
+motion, short enough for the same tracks in both views."""
 VIEWS = 12
 """Pairs of views, at most."""
 LEAST_EVEN = 15
-"""Tracks in as many places of the image that tell the motion of two views."""
+"""Least number of tracks in different places of the image from which the motion of two views is known."""
 LEAST_VIEWS = 2
-"""In which a track is seen, so that it counts."""
+"""Least number of views in which a track must be observed to count."""
 INLIER_PX = 0.5
-"""Distance from the epipolar line of what is at rest, in the search for the motion of two views."""
+"""Largest distance of a static point from its epipolar line, in the search for the motion of two views."""
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """How far N tracks are from what points at rest would show."""
+    """Errors of N tracks as static points."""
 
     px: Array
     """(N,) median of the track."""
@@ -72,12 +72,13 @@ class Errors:
 
 
 Measure = Callable[[Rig], "Errors | None"]
-"""Of a rig whose lens may be changed; None where there are few tracks."""
+"""Returns the errors for a rig, whose lens may be changed; None with few tracks."""
 
 
 def moving(seen: Examination) -> Finding | None:
-    """Measures the share of the tracks that no point at rest explains, while most are explained. None where a changed
-    lens explains many of them as points at rest: at the border of an image with a wrong lens, all tracks are off."""
+    """Measures the share of the tracks that no static point explains, while most tracks are explained. None where a
+    changed lens explains many of them as static: at the border of an image with a wrong lens, all tracks have large
+    errors."""
     measures: list[tuple[Measure, tuple[float, ...]]] = [(partial(scene_errors, seen), (MOVING_PX,))]
     measures += [(partial(view_errors, seen, part, even), VIEWS_PX) for part in PARTS for even in (False, True)]
     tried: list[tuple[Finding, Measure, NDArray[np.int64], float]] = []
@@ -93,7 +94,7 @@ def moving(seen: Examination) -> Finding | None:
 
 
 def grouped(seen: Examination, errors: Errors, limit_px: float) -> NDArray[np.bool_]:
-    """Returns which tracks (N,) are off by more, in groups."""
+    """Returns which tracks (N,) have a larger error than `limit_px`, and are in groups."""
     away = errors.px > limit_px
     return away & clustered(errors.last, away, NEAR * seen.rig.camera(seen.main).width)
 
@@ -128,7 +129,7 @@ def _of_the_lens(seen: Examination, measure: Measure, group: NDArray[np.int64], 
 
 
 def typical_px(errors: Errors, group: NDArray[np.bool_]) -> float:
-    """Returns what three quarters of the tracks that are not in the group (N,) fit within."""
+    """Returns the error below which three quarters of the tracks are that are not in the group (N,)."""
     return float(np.percentile(errors.px[~group], 75)) if not group.all() else np.inf
 
 
@@ -148,9 +149,10 @@ def scene_errors(seen: Examination, rig: Rig) -> Errors | None:
 
 
 def view_errors(seen: Examination, part: int, even: bool, rig: Rig) -> Errors | None:
-    """Returns the distances of tracks from the epipolar lines of several pairs of views, which are such a part of the
-    stretch apart; where there is no scene, as the camera does not change its place, those from where a rotation puts
-    them. The motion of the views is that of most tracks, or of most places (`even`)."""
+    """Returns the distances of tracks from their epipolar lines in several pairs of views, whose interval is the length
+    of the stretch divided by `part`. If there is no scene, because the camera does not change its position, they are
+    distances from the prediction of a rotation. The motion of the views is that of most tracks, or of most places
+    (`even`)."""
     camera, uv = rig.camera(seen.main), seen.tracked.uv
     rays, frames = _normalised(camera, uv), uv.shape[1]
     apart = max(2, frames // part)
@@ -174,8 +176,8 @@ def _even(uv: Array, side_px: float) -> NDArray[np.int64]:
 
 
 def _two_views(a: Array, b: Array, chosen: NDArray[np.int64], focal_px: float, only_turned: bool) -> Array:
-    """Returns the distances (N,) of normalised coordinates (N, 2) from what the motion of most of the chosen ones
-    makes of them; NaN where there is none."""
+    """Returns the distances (N,) of normalised coordinates (N, 2) from the prediction by the motion of most of the
+    chosen ones; NaN where there is none."""
     if only_turned:
         return rotation_residuals(a, b)
     if len(chosen) < LEAST_EVEN:

@@ -15,7 +15,7 @@ UNDECIDED = "More of the motion that shows it would decide it: turns about sever
 
 
 def claimed(key: str, seen: Examination) -> Finding | None:
-    """Returns what is claimed; None where the sensor is missing, or the motion shows nothing of it."""
+    """Returns the claim as a finding; None where the sensor is missing, or the motion does not determine it."""
     claim = seen.judged.claims.get(key)
     if claim is None or seen.sensors is None:
         return None

@@ -1,8 +1,8 @@
-"""A smear on the lens: what passes it loses contrast there, and has it again behind it.
+"""A smear on the lens: places of the scene that pass it lose contrast there, and have it again after it.
 
-The contrast around a place of the scene is its own, that of the frame (exposure) and of where it is in the image.
-Places that cross the image tell the three apart. A clean lens gives nearly the same everywhere; sky and bare walls do
-not count.
+The contrast around a place of the scene depends on the place, on the frame (exposure) and on the position in the image.
+Places that cross the image separate the three. A clean lens has nearly the same contrast everywhere; sky and bare walls
+do not count.
 
 Corners are such places, but in the middle of a smear none is found, and those that come near end. So there are also
 places that are carried along with the median motion of the corners around them. That is a rough motion, and in a street
@@ -26,16 +26,16 @@ CELL = 0.05
 AROUND_PX = 11
 """Side of the surroundings of a corner whose contrast is compared."""
 LEAST_FRAMES = 6
-"""In which a corner is seen, so that it counts."""
+"""Least number of frames in which a corner must be observed to count."""
 LEAST_TRACKS = 4
 """Corners that cross a place, so that it is known."""
 LEAST_CELLS = 20
-"""Known places, so that anything is said."""
+"""Least number of known cells for a finding."""
 LOST = 0.33
 """Share of the contrast that is lost at a place that is smeared."""
 SMEARED_SHARE = 0.025
-"""Of the known places. Simulated smears: 0.035 to 0.11 (seeds 0 to 2); clean lenses in streets, rooms and on the moon:
-0."""
+"""Least share of the known cells that is smeared. Simulated smears: 0.035 to 0.11 (seeds 0 to 2); clean lenses in
+streets, rooms and on the moon: 0."""
 LEAST_SMEARED = 3
 LEAST_SLOPE = 1.0
 """Grey levels per pixel: the noise of a sensor."""
@@ -46,17 +46,17 @@ HALVED = 0.5
 BACK = 0.25
 """Share of the contrast that is lost at most around an island."""
 DIRECTIONS = 8
-"""Directions from the middle of an island in which the contrast around it is asked."""
+"""Number of directions from the middle of an island in which the contrast around it is measured."""
 ROUND = 7
 """Directions in which it is back: smears have 7 or 8, if the scene passes all around; clean lenses up to 5."""
 NEAREST = 8
 """Corners whose median motion carries a place."""
 FOLLOWED = 0.5
-"""Share of the corners that are followed, so that they tell the motion: fewer are those that jump by chance."""
+"""Least share of corners that must be followed for a motion; fewer are followed by chance only."""
 NEW_EVERY = 6
 """Frames after which cells without a place get one."""
 BORDER = 0.08
-"""Of the image's size: lenses are less sharp there."""
+"""Width of the border, relative to the image's size, that is not examined, because lenses are less sharp there."""
 ROUNDS = 60
 
 

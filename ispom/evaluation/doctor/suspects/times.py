@@ -10,7 +10,7 @@ from ..examination import Examination
 from ..finding import Finding, Suspect
 
 GAP = 1.6
-"""An interval of so many usual ones is a gap: at least one frame is missing."""
+"""Multiple of the usual interval from which on an interval is a gap: at least one frame is missing."""
 GAP_SHARE = 0.05
 """Share of missing frames from which on they are a cause."""
 SAME_LEVELS = 0.4

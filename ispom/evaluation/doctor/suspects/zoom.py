@@ -1,7 +1,7 @@
 """A zoom or a crop that jumps: from a frame to the next the whole image is larger, everywhere by the same share.
 
-A camera that goes ahead makes near things grow faster than far ones, and does so in all frames. A slow zoom is not
-told: during a motion, tracks fit without it as well.
+A camera that moves forward makes near objects grow faster than far ones, and does so in all frames. A slow zoom is not
+found: during a motion, tracks fit without it as well.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from ..examination import Examination
 from ..finding import Finding, Suspect
 
 GROWS = 0.03
-"""Logarithm of the growth from which on it is a jump,"""
+"""Least logarithm of the growth of the image between two frames that is a jump."""
 ALONE = 5.0
-"""where it is so many times that between any other two frames,"""
+"""A jump is at least this multiple of the growth between any other two frames."""
 EVEN = 4.0
-"""and so many times its spread over the image."""
+"""A jump is at least this multiple of the scatter of the growth over the image."""
 LEAST_CORNERS, PAIRS, APART = 30, 600, 0.12
-"""Corners, pairs of them, and their distance relative to the image's width, so that they tell the growth."""
+"""Least number of corners for a measurement of the growth; most pairs of them; least distance of the corners of a pair,
+relative to the image's width."""
 LEAST_STEPS = 8
 EVEN_TIMES = 1.5
-"""Intervals longer than so many usual ones are gaps: the camera has moved meanwhile."""
+"""Multiple of the usual interval above which an interval is a gap: the camera has moved meanwhile."""
 
 
 def zoom_jumps(seen: Examination) -> Finding | None:
@@ -54,8 +55,8 @@ def zoom_jumps(seen: Examination) -> Finding | None:
 
 
 def growth_of(before: Array, after: Array, far_px: float) -> tuple[float, float] | None:
-    """Returns the median logarithm of the growth of distances between corners (P, 2), NaN where they are not seen, and
-    what three quarters of them are within of it; None where they are too few."""
+    """Returns the median logarithm of the growth of distances between corners (P, 2), which are NaN where not observed,
+    and the difference from it within which three quarters of them are; None with too few corners."""
     both = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
     if both.sum() < LEAST_CORNERS:
         return None
