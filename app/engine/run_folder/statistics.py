@@ -59,7 +59,7 @@ class RunStatistics:
             self.add_step(step, 1000 * sum(step.seconds.values()))
 
     def add_step(self, step: Step, ms: float) -> None:
-        """One step of one method, which took so many milliseconds."""
+        """Counts one step of a method, and the milliseconds that it took."""
         if not self.located.get(step.method) and step.status != Status.TRACKING and (why := missing(step)):
             self.waits[step.method] = why
         self.count(step.method, step.time_ns, ms, step.status, step.restarted, step.joins, step.segment_age_ns)
