@@ -27,7 +27,7 @@ from ..report.blocks import Table
 from ..report.folder import Run, read_run
 from ..report.results import results
 from .inputs import Roots, files_read, key_of, roots_of
-from .options import Passport as Options
+from .options import Passport
 from .outputs import outputs
 from .readme import CITATION, README, citation, readme
 from .verify import verify
@@ -36,19 +36,19 @@ from .written import (
     PASSPORT,
     VERSION,
     Machine,
-    Passport,
     RunOptions,
     Source,
     Stage,
     mark_of,
     require_no_files,
 )
+from .written import Passport as PassportFile
 
 NOT_COMPUTED = ("recording", "variant")
 """Options in run.yaml that say what is written, or which methods are chosen."""
 
 
-def passport(options: Options, builder: Builder = build) -> int:
+def passport(options: Passport, builder: Builder = build) -> int:
     """Writes a passport, or verifies one, and returns the exit code. Raises InputError for a mistake of the user."""
     if options.verify:
         return verify(options, builder)
@@ -67,7 +67,7 @@ def passport(options: Options, builder: Builder = build) -> int:
     return 0
 
 
-def described(folder: Path, moved_to: str | None) -> tuple[Passport, Run]:
+def described(folder: Path, moved_to: str | None) -> tuple[PassportFile, Run]:
     """Returns the passport of a run, and the run as a report has it. Raises InputError where the run did not come to
     its end, names files in its settings, or has not its images any more."""
     if folder.suffix == ".rrd":
@@ -88,7 +88,7 @@ def described(folder: Path, moved_to: str | None) -> tuple[Passport, Run]:
     roots = roots_of(source.source, how.camera, how.sensors)
     files = files_read(source, file.images_sha256, roots)
     try:
-        found = Passport(
+        found = PassportFile(
             VERSION,
             Source(
                 file.source, file.sequence, tuple(map(str, file.notes)), dict(file.exposures), file.images_sha256, files
@@ -100,7 +100,7 @@ def described(folder: Path, moved_to: str | None) -> tuple[Passport, Run]:
             run.path_length_m,
             outputs(run),
         )
-        return msgspec.convert(msgspec.to_builtins(found), Passport), run  # a stranger's run.yaml may hold anything
+        return msgspec.convert(msgspec.to_builtins(found), PassportFile), run  # a stranger's run.yaml may hold anything
     except (msgspec.ValidationError, TypeError, OverflowError) as fault:
         raise InputError(f"{folder / RUN} is not as `ispom run` writes it ({fault}): run again") from None
 
@@ -125,7 +125,7 @@ def _name(file: Path | None, roots: Roots) -> str | None:
     return key_of(path, roots)[1] if "source" in roots and is_below(path, (roots["source"],)) else path.name
 
 
-def _write(to: Path, found: Passport, run: Run) -> None:
+def _write(to: Path, found: PassportFile, run: Run) -> None:
     """The file by which a folder is a passport comes last: a folder that was half written is none."""
     claim_folder(to, COMMAND)
     (to / PASSPORT).unlink(missing_ok=True)
