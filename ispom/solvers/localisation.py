@@ -6,7 +6,8 @@ The start is a predicted pose, or else the best pose of many minimal samples (RA
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -149,6 +150,29 @@ def locate(
         return robust_cost(np.minimum(fit.distances, policy.limit) ** 2, policy.width)
 
     return min((fit for fit in (found, again) if fit is not None), key=cost, default=None)
+
+
+def in_own_unit(xyz: Array, guess: Pose, fit: Callable[[Array, Pose], PoseFit | None]) -> PoseFit | None:
+    """Returns the fit of points (N, 3) in the camera frame of `guess` (camera_from_world), in units of their median
+    depth there. The result is in the world and unit of `xyz`.
+
+    The damping of `fit_pose`, its nearest depth and the single precision of RANSAC suit depths of about 1. A map
+    whose unit has shrunk to a millionth of that, as that of the published scale transfer does, needs this.
+    """
+    inside = guess.apply(xyz)
+    unit = median(np.abs(inside[:, 2])) if len(inside) else 1.0
+    if not 0 < unit < np.inf:
+        return None
+    found = fit(inside / unit, Pose())
+    if found is None:
+        return None
+    near = found.camera_from_world
+    scale = np.array([1 / unit] * 3 + [1.0] * 3)
+    return replace(
+        found,
+        camera_from_world=Pose(near.rotation, unit * near.translation) @ guess,
+        information=found.information * np.outer(scale, scale),
+    )
 
 
 def refine_pose(xyz: Array, x: Array, camera_from_world: Pose, threshold: float) -> PoseFit | None:

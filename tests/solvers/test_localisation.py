@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Pose
-from ispom.solvers.localisation import fit_pose
+from ispom.solvers.localisation import Policy, fit_pose, in_own_unit, locate
 
 BASELINE, SCALE = 0.5, 0.5 / 700
 TRUTH = Pose.from_rotvec(np.array([0.02, -0.05, 0.01]), np.array([0.1, -0.05, -1.1]))
@@ -108,3 +108,25 @@ def test_too_few_points_are_no_pose() -> None:
     xyz, seen = scene()
     assert fit_pose(xyz[:5], seen[:5], TRUTH, SCALE, SCALE, BASELINE) is None
     assert fit_pose(xyz, seen + 1, TRUTH, SCALE, SCALE, BASELINE) is None
+
+
+@pytest.mark.parametrize("unit", [1e-7, 1.0, 1e4])
+@pytest.mark.parametrize("predicted", [True, False])
+def test_the_unit_of_the_points_and_their_place_in_the_world_do_not_matter(unit: float, predicted: bool) -> None:
+    """Those of a map whose unit has collapsed far from the origin of its world."""
+    xyz, seen = scene()
+    seen = seen[:, :2].copy()
+    seen[::5] += 0.05
+    world = Pose.from_rotvec(np.array([0.3, 0.2, -0.4]), np.array([2.0, -9.0, 4.0]))
+    truth = Pose(TRUTH.rotation, unit * TRUTH.translation) @ world.inverse()
+    turn = 0.01 if predicted else 0.3
+    offset = Pose.from_rotvec(np.array([turn, -turn, 0.0]), unit * np.array([0.2, 0.1, 0.3]))
+    policy = Policy(SCALE, 5 * SCALE, 5 * SCALE)
+    found = in_own_unit(world.apply(unit * xyz), offset @ truth, lambda near, guess: locate(near, seen, guess, policy))
+    assert found is not None and found.inliers.tolist() == [i % 5 != 0 for i in range(len(xyz))]
+    left = (found.camera_from_world @ truth.inverse()).log()
+    assert np.abs(left[:3]).max() < 1e-4 * unit and np.abs(left[3:]).max() < 1e-5
+    there = np.diag(found.information)
+    known = fit_pose(xyz, seen, TRUTH, SCALE, 5 * SCALE)
+    assert known is not None
+    np.testing.assert_allclose(there * np.array([unit] * 3 + [1] * 3) ** 2, np.diag(known.information), rtol=0.05)

@@ -38,7 +38,7 @@ from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Choices, Range, WorthTrying, checked
 from ispom.solvers.bundle import adjust
-from ispom.solvers.localisation import Policy, PoseFit, locate, refine_pose
+from ispom.solvers.localisation import Policy, PoseFit, in_own_unit, locate, refine_pose
 from ispom.solvers.multiview.triple import ScaleTransfer, Triple, depth_ratio, solve_triple, step_length
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.stopwatch import Stopwatch
@@ -484,7 +484,8 @@ def localise(window: KeyframeWindow, frame: TrackedFrame, max_error: float) -> L
     if predicted is None or len(known) < MIN_PNP_POINTS:
         return Localised(None, known)
     xyz, x = window.landmarks.xyz[index[known]], frame.x[known]
-    best = locate(xyz, x, predicted.inverse(), Policy(max_error, 2 * max_error, 2 * max_error))
+    policy = Policy(max_error, 2 * max_error, 2 * max_error)
+    best = in_own_unit(xyz, predicted.inverse(), lambda near, guess: locate(near, x, guess, policy))
     return Localised(best, known)
 
 
@@ -617,7 +618,11 @@ def fill_between(window: KeyframeWindow, kind: Interpolation, max_error: float) 
     for i, frame in enumerate(between):
         index = window.landmarks.places(frame.ids)
         known = index >= 0
-        refined = refine_pose(window.landmarks.xyz[index[known]], frame.x[known], initial.pose(i).inverse(), max_error)
+        refined = in_own_unit(
+            window.landmarks.xyz[index[known]],
+            initial.pose(i).inverse(),
+            lambda near, guess, x=frame.x[known]: refine_pose(near, x, guess, max_error),
+        )
         poses[frame.time_ns] = initial.pose(i) if refined is None else refined.camera_from_world.inverse()
     return window.with_poses(poses)
 
