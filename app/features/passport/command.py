@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -63,7 +64,9 @@ def passport(options: Passport, builder: Builder = build) -> int:
         _write(to, found, run)
     files = counted(len(found.source.files), "file")
     sys.stdout.write(printable(f"in {to}: {files} of the source, poses of {', '.join(run.metrics)}") + "\n")
-    sys.stdout.write(printable(f"`ispom passport --verify {to}` repeats the run and compares it") + "\n")
+    sys.stdout.write(
+        printable(f"`ispom passport --verify {shlex.quote(str(to))}` repeats the run and compares it") + "\n"
+    )
     return 0
 
 

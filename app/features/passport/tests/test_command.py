@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
+import shlex
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -136,6 +138,17 @@ def test_it_cites_as_the_project_does(made: Path) -> None:
     software, paper = own["references"]
     assert [paper] == project["references"]
     assert {key: project[key] for key in software} == software
+
+
+def test_the_command_that_is_named_can_be_copied(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "mein Pass"
+    folder = run(drive, tmp_path / "run")
+    capsys.readouterr()
+    assert ispom("passport", folder, "--to", place) == 0
+    (command,) = re.findall("`ispom (passport --verify .*)`", capsys.readouterr().out)
+    assert shlex.split(command) == ["passport", "--verify", str(place)]
 
 
 def test_the_same_run_gives_the_same_bytes(made: Path, drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
